@@ -22,7 +22,7 @@ use cell_parts::CellParts;
 use embedding::trilinear_weights;
 use glam::{DQuat, DVec3};
 use kept_cells::KeptCells;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Depth below the bounds of a mesh of a layer with its outermost nodes, in cells: they lie at most half a cell outside, and the next ones at
 /// least half a cell inside.
@@ -90,8 +90,12 @@ pub struct CellLattice<'a> {
     allow_free: bool,
     touch_spacing: f64,
     /// The parts of the cells, if they were found with their size.
-    parts: Option<Arc<CellParts>>,
+    parts: OnceLock<Arc<CellParts>>,
 }
+
+/// The parts of the cells of a lattice.
+#[derive(Clone, Debug)]
+pub(crate) struct FoundParts(Arc<CellParts>);
 
 /// A body made from a mesh.
 #[derive(Clone, Debug)]
@@ -154,8 +158,19 @@ impl<'a> CellLattice<'a> {
             regions: Vec::new(),
             allow_free: false,
             touch_spacing: 0.5,
-            parts: None,
+            parts: OnceLock::new(),
         })
+    }
+
+    /// The parts of the cells, if they have been found.
+    pub(crate) fn found_parts(&self) -> Option<FoundParts> {
+        self.parts.get().map(|parts| FoundParts(Arc::clone(parts)))
+    }
+
+    /// Takes over the parts found with a lattice of the same mesh and size.
+    pub(crate) fn with_found_parts(mut self, found: Option<FoundParts>) -> Self {
+        self.parts = found.map_or_else(OnceLock::new, |FoundParts(parts)| parts.into());
+        self
     }
 
     /// Side of a cell, m.
@@ -314,12 +329,15 @@ impl<'a> CellLattice<'a> {
         }
         let cell_m3 = self.grid.cell_m.powi(3);
         let volume = |cells: &Vec<usize>| cells.iter().map(|&cell| cell_m3 * kept.cells[cell].1).sum();
-        let of_places = places.map(|(place_m, normal)| piece_of[embedding.locate(place_m, normal).0]);
+        let of_places = places.map(|(place_m, normal)| match pieces.len() {
+            1 => 0,
+            _ => piece_of[embedding.locate(place_m, normal).0],
+        });
         Ok((pieces.iter().map(volume).collect(), of_places.collect()))
     }
 
     fn parts(&self) -> Result<Arc<CellParts>, MeshError> {
-        if let Some(parts) = &self.parts {
+        if let Some(parts) = self.parts.get() {
             return Ok(Arc::clone(parts));
         }
         let fill = fill::fill(self.mesh, &self.grid);
@@ -328,7 +346,8 @@ impl<'a> CellLattice<'a> {
         if cells > 2 * Self::MAX_NODES {
             self.check_nodes(cells)?;
         }
-        self.parts_of(fill)
+        let parts = self.parts_of(fill)?;
+        Ok(Arc::clone(self.parts.get_or_init(|| parts)))
     }
 
     /// The parts of the cells that are filled as `fill`.

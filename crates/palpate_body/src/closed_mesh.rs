@@ -18,6 +18,7 @@ mod surface_nets;
 mod thicken;
 mod thin_parts;
 mod weld;
+mod welded_mesh;
 mod winding_samples;
 mod winding_tree;
 
@@ -25,11 +26,10 @@ pub use assumptions::MeshAssumptions;
 pub use error::MeshError;
 pub use thin_parts::ThinParts;
 
-use closed_surface::ClosedSurface;
-use geometry::{TOLERANCE, same_winding, volume};
 use glam::DVec3;
 use inside::Inside;
-use measured::{Measured, check_size};
+use measured::Measured;
+use welded_mesh::WeldedMesh;
 
 /// A closed surface of triangles, created from a mesh that encloses a volume.
 ///
@@ -149,79 +149,10 @@ impl ClosedMesh {
         measured: Measured,
         grid_m: f64,
     ) -> Result<Self, MeshError> {
-        let (low, high) = measured.bounds_m;
-        match Self::close(vertices_m, triangles, (low, high), TOLERANCE) {
-            // Here holes, slivers and intersections are consequences of lost digits.
-            Err(_) if grid_m > 1e-3 * measured.size_m().max(Self::MIN_SIZE_M) => {
-                Err(MeshError::LostDigits { distance_m: measured.distance_m(), grid_m })
-            }
-            made => made,
-        }
-    }
-
-    fn close(
-        vertices_m: Vec<DVec3>,
-        mut drawn: Vec<[usize; 3]>,
-        (low_m, high_m): (DVec3, DVec3),
-        weld_tolerance: f64,
-    ) -> Result<Self, MeshError> {
-        let size_m = (high_m - low_m).max_element();
-        let center_m = 0.5 * (low_m + high_m);
-        check_size(size_m, center_m)?;
-        let tolerance_m = TOLERANCE * size_m;
-        let welded = weld::weld(&vertices_m, &drawn, center_m, weld_tolerance * size_m);
-        let points_m = welded.points_m;
-        let mut repairs = MeshRepairs { welded: welded.count, ..MeshRepairs::default() };
-        let mut of_points: Vec<(usize, [usize; 3])> = Vec::with_capacity(drawn.len());
-        for (index, corners) in drawn.iter().enumerate() {
-            let [a, b, c] = corners.map(|vertex| welded.point_of[vertex].unwrap_or_default());
-            if a == b || b == c || c == a {
-                repairs.collapsed += 1;
-            } else {
-                of_points.push((index, [a, b, c]));
-            }
-        }
-        let surface = coincident::without_coincident(&of_points, |triangles| {
-            orient::orient(triangles, &points_m, center_m)
-        })?;
-        (repairs.duplicates, repairs.back_to_back) = (surface.duplicates, surface.back_to_back);
-        repairs.pinched_edges = surface.oriented.pinched_edges;
-        let mut triangles = surface.oriented.triangles;
-        let part = surface.oriented.part;
-        let parts = surface.oriented.parts;
-        orient::check_thickness(&triangles, &part, parts, &points_m, center_m, tolerance_m)?;
-        crossing::check(&triangles, 0, &points_m, center_m, tolerance_m)?;
-        let half_size_m = 0.5 * (high_m - low_m);
-        let mut inside = Inside::new(&triangles, &points_m, half_size_m);
-        let looks_in = inside.parts_to_turn(&part, parts, center_m)?;
-        if looks_in.contains(&true) {
-            for (triangle, part) in triangles.iter_mut().zip(&part) {
-                if looks_in[*part] {
-                    triangle.swap(1, 2);
-                }
-            }
-            inside = Inside::new(&triangles, &points_m, half_size_m);
-        }
-        // The drawn triangles follow. Omitted ones keep their winding.
-        repairs.turned = turn(&mut drawn, surface.kept.iter().map(|&k| of_points[k]), &triangles);
-        let volume_m3 = volume(&triangles, &points_m);
-        Ok(Self {
-            vertices_m,
-            normals: None,
-            triangles: drawn,
-            point_of: welded.point_of,
-            center_m,
-            points_m,
-            closed: triangles,
-            enclosing_m: None,
-            assumptions: None,
-            parts,
-            volume_m3,
-            half_size_m,
-            repairs,
-            inside,
-            grid_m: None,
-        })
+        let close = |mesh: WeldedMesh| mesh.close().map_err(|failed| failed.0);
+        WeldedMesh::new(vertices_m, triangles, measured.bounds_m)
+            .and_then(close)
+            .map_err(|error| measured.reason(error, grid_m))
     }
 
     /// Creates a closed surface around the inside of `triangles`, given as indices into `vertices_m` (m), whether or not they are closed: the
@@ -234,8 +165,8 @@ impl ClosedMesh {
     /// [`ClosedMesh::assumptions`] reports both. With `thickness_m`, open parts are sheets of that thickness, centred on their triangles, instead.
     ///
     /// # Errors
-    /// [`MeshError`]: [`MeshError::NoInside`] if the triangles have no inside, [`MeshError::Thickness`], and those about indices,
-    /// coordinates and size.
+    /// [`MeshError`]: [`MeshError::NoInside`] if the triangles have no inside, [`MeshError::Tangled`] if they are so many and so large that samples
+    /// would take too long, [`MeshError::Thickness`], and those about indices, coordinates and size.
     pub fn enclose(
         vertices_m: Vec<DVec3>,
         triangles: Vec<[usize; 3]>,
@@ -271,84 +202,31 @@ impl ClosedMesh {
         measured: Measured,
         grid_m: f64,
     ) -> Result<Self, MeshError> {
-        let (low, high) = measured.bounds_m;
         let size_m = measured.size_m();
         if let Some(thickness_m) = thickness_m.filter(|thickness_m| !thicken::is_valid(*thickness_m, size_m))
         {
             return Err(MeshError::Thickness { thickness_m, size_m });
         }
-        let closed = Self::close_measured(vertices_m.clone(), triangles.clone(), measured, grid_m);
-        match closed {
-            Err(
-                MeshError::Holes { .. }
-                | MeshError::NonManifold { .. }
-                | MeshError::OneSided { .. }
-                | MeshError::Crossing { .. }
-                | MeshError::Tangled { .. }
-                | MeshError::Nested { .. }
-                | MeshError::Flat { .. },
-            ) => {
-                let center_m = 0.5 * (low + high);
-                let (welded, weld_tolerance) = cracks::weld_cracks(&vertices_m, &triangles, center_m, size_m);
-                if weld_tolerance > TOLERANCE
-                    && let Ok(closed) =
-                        Self::close(vertices_m.clone(), triangles.clone(), (low, high), weld_tolerance)
-                {
-                    return Ok(closed);
-                }
-                Self::enclose_open(vertices_m, triangles, thickness_m, (low, high), welded)
-            }
-            closed => closed,
+        let mesh = WeldedMesh::new(vertices_m, triangles, measured.bounds_m)
+            .map_err(|error| measured.reason(error, grid_m))?;
+        let (error, mesh) = match mesh.close() {
+            Ok(closed) => return Ok(closed),
+            Err(failed) => *failed,
+        };
+        match measured.reason(error, grid_m) {
+            MeshError::Holes { .. }
+            | MeshError::NonManifold { .. }
+            | MeshError::OneSided { .. }
+            | MeshError::Crossing { .. }
+            | MeshError::Tangled { .. }
+            | MeshError::Nested { .. }
+            | MeshError::Flat { .. } => {}
+            error => return Err(error),
         }
-    }
-
-    fn enclose_open(
-        vertices_m: Vec<DVec3>,
-        mut drawn: Vec<[usize; 3]>,
-        thickness_m: Option<f64>,
-        (low_m, high_m): (DVec3, DVec3),
-        welded: weld::Welded,
-    ) -> Result<Self, MeshError> {
-        let size_m = (high_m - low_m).max_element();
-        let center_m = 0.5 * (low_m + high_m);
-        let half_size_m = 0.5 * (high_m - low_m) + 0.5 * thickness_m.unwrap_or(0.0);
-        check_size(size_m, center_m)?;
-        let tolerance_m = TOLERANCE * size_m;
-        let points_m = welded.points_m;
-        let mut repairs = MeshRepairs { welded: welded.count, ..MeshRepairs::default() };
-        let of_points: Vec<(usize, [usize; 3])> = drawn
-            .iter()
-            .enumerate()
-            .map(|(index, corners)| {
-                (index, corners.map(|vertex| welded.point_of[vertex].unwrap_or_default()))
-            })
-            .filter(|(_, [a, b, c])| a != b && b != c && c != a)
-            .collect();
-        repairs.collapsed = drawn.len() - of_points.len();
-        let distinct = coincident::distinct(&of_points, true);
-        (repairs.duplicates, repairs.back_to_back) = (distinct.duplicates, distinct.back_to_back);
-        let kept: Vec<[usize; 3]> = distinct.kept.iter().map(|&k| of_points[k].1).collect();
-        let enclosed = enclose::enclose(&kept, &points_m, (center_m, half_size_m), thickness_m, tolerance_m)?;
-        repairs.turned = turn(&mut drawn, distinct.kept.iter().map(|&k| of_points[k]), &enclosed.oriented);
-        repairs.pinched_edges = enclosed.assumptions.branching_edge_count;
-        let ClosedSurface { points_m: enclosing_m, triangles: closed } = enclosed.surface;
-        Ok(Self {
-            vertices_m,
-            normals: None,
-            triangles: drawn,
-            point_of: welded.point_of,
-            center_m,
-            points_m,
-            inside: Inside::new(&closed, &enclosing_m, half_size_m),
-            volume_m3: volume(&closed, &enclosing_m),
-            closed,
-            enclosing_m: Some(enclosing_m),
-            parts: enclosed.assumptions.part_count,
-            assumptions: Some(enclosed.assumptions),
-            half_size_m,
-            repairs,
-            grid_m: None,
-        })
+        match mesh.weld_cracks() {
+            (mesh, false) => mesh.enclose(thickness_m),
+            (mesh, true) => mesh.close().or_else(|failed| failed.1.enclose(thickness_m)),
+        }
     }
 
     /// Adds the normal of each vertex as drawn. Where coincident vertices have different normals, the drawn edge
@@ -438,6 +316,11 @@ impl ClosedMesh {
         &self.closed
     }
 
+    /// Tree over the boxes of the triangles of the enclosing surface, which are slightly enlarged.
+    pub(crate) fn enclosing_bvh(&self) -> &parry3d_f64::partitioning::Bvh {
+        self.inside.bvh()
+    }
+
     /// Where the line along `axis` through `at_m` crosses a triangle of the enclosing surface: +1 or −1 as it leaves or enters, and the
     /// coordinate, m. Places are relative to the centre.
     pub(crate) fn line_crossing(&self, triangle: usize, axis: usize, at_m: DVec3) -> Option<(i64, f64)> {
@@ -464,21 +347,4 @@ impl ClosedMesh {
 /// Single-precision `vertices` in units of `scale_m` metres, m.
 fn in_metres(vertices: &[[f32; 3]], scale_m: f64) -> Vec<DVec3> {
     vertices.iter().map(|x| scale_m * DVec3::from_array(x.map(f64::from))).collect()
-}
-
-/// Turns the `drawn` triangles whose winding differs from `oriented`, and returns their number. `given` has the index of each and its corners
-/// before.
-fn turn(
-    drawn: &mut [[usize; 3]],
-    given: impl Iterator<Item = (usize, [usize; 3])>,
-    oriented: &[[usize; 3]],
-) -> usize {
-    let mut turned = 0;
-    for ((index, given), now) in given.zip(oriented) {
-        if !same_winding(given, *now) {
-            drawn[index].swap(1, 2);
-            turned += 1;
-        }
-    }
-    turned
 }

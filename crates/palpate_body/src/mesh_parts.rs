@@ -1,5 +1,6 @@
 //! A closed mesh in several parts, for example the primitives of a glTF mesh.
 
+use crate::cell_lattice::FoundParts;
 use crate::triangle_bvh::triangle_bvh;
 use crate::{CellLattice, CellSize, ClosedMesh, MeshClosing, MeshError, PieceSelection, Region};
 use glam::DVec3;
@@ -35,6 +36,7 @@ pub struct JoinedMesh {
     /// Size of the cells for the selected pieces: [`JoinOptions::cells`], where [`CellSize::Automatic`] is replaced by the chosen
     /// [`CellSize::Along`].
     pub cells: CellSize,
+    found: Option<FoundParts>,
 }
 
 /// How parts are joined to the surface of a body.
@@ -96,8 +98,18 @@ impl JoinedMesh {
             }
         };
         let regions = (1..parts.len()).map(&mut region).collect();
-        let Selected { mesh, piece_count, piece_share, cells } = select(mesh, &joined, parts, &options)?;
-        Ok(Self { mesh, regions, joined, piece_count, piece_share, cells })
+        let Selected { mesh, piece_count, piece_share, cells, found } =
+            select(mesh, &joined, parts, &options)?;
+        Ok(Self { mesh, regions, joined, piece_count, piece_share, cells, found })
+    }
+
+    /// Cells of the size [`JoinedMesh::cells`], fitted to [`JoinedMesh::mesh`]. What was computed of them to find the pieces is not computed
+    /// again.
+    ///
+    /// # Errors
+    /// As [`CellLattice::fit`].
+    pub fn lattice(&self) -> Result<CellLattice<'_>, MeshError> {
+        Ok(CellLattice::fit(&self.mesh, self.cells)?.with_found_parts(self.found.clone()))
     }
 }
 
@@ -123,34 +135,46 @@ struct Selected {
     /// Share of the selected pieces in the volume.
     piece_share: f64,
     cells: CellSize,
+    found: Option<FoundParts>,
 }
+
+/// Maximum number of times that a piece is selected: the selected triangles alone have finer cells and samples, and may be several pieces.
+const MAX_SELECTIONS: usize = 2;
 
 /// Selects pieces of `mesh`. Errors of the cells are those of the body.
 fn select(
-    mesh: ClosedMesh,
+    mut mesh: ClosedMesh,
     joined: &[usize],
     parts: &[MeshPart],
     options: &JoinOptions,
 ) -> Result<Selected, MeshError> {
-    let (pieces, cells) = match CellLattice::fit(&mesh, options.cells) {
-        Ok(lattice) => (mesh.pieces_of_cells(&lattice).unwrap_or_default(), chosen(&lattice, options)),
-        Err(_) => (Vec::new(), options.cells),
-    };
-    let piece_count = pieces.len();
-    let index = options.pieces.index(piece_count.max(1))?;
-    let Some(index) = index.filter(|_| piece_count > 1) else {
-        return Ok(Selected { mesh, piece_count, piece_share: 1.0, cells });
-    };
-    let total_m3: f64 = pieces.iter().map(|piece| piece.volume_m3).sum();
-    let piece_share = pieces[index].volume_m3 / total_m3;
-    let mut selected = join(joined.iter().map(|&index| &parts[index]));
-    selected.triangles =
-        pieces[index].triangles.iter().map(|&triangle| selected.triangles[triangle]).collect();
-    let mesh = close(selected, options)?;
-    // Errors of the size are those of the body, again.
-    let cells =
-        CellLattice::fit(&mesh, options.cells).map_or(options.cells, |lattice| chosen(&lattice, options));
-    Ok(Selected { mesh, piece_count, piece_share, cells })
+    let mut given = None;
+    let (mut piece_count, mut piece_share) = (1, 1.0);
+    let mut selections = 0;
+    loop {
+        let (pieces, cells, found) = match CellLattice::fit(&mesh, options.cells) {
+            Ok(lattice) => {
+                let pieces = mesh.pieces_of_cells(&lattice).unwrap_or_default();
+                (pieces, chosen(&lattice, options), lattice.found_parts())
+            }
+            Err(_) => (Vec::new(), options.cells, None),
+        };
+        let wanted = if selections == 0 { options.pieces } else { PieceSelection::Largest };
+        let index = wanted.index(pieces.len().max(1))?.filter(|_| pieces.len() > 1);
+        if selections == 0 {
+            piece_count = pieces.len();
+        }
+        let Some(index) = index.filter(|_| selections < MAX_SELECTIONS) else {
+            return Ok(Selected { mesh, piece_count, piece_share, cells, found });
+        };
+        piece_share *= pieces[index].volume_m3 / pieces.iter().map(|piece| piece.volume_m3).sum::<f64>();
+        let mut selected = given.take().unwrap_or_else(|| join(joined.iter().map(|&index| &parts[index])));
+        selected.triangles =
+            pieces[index].triangles.iter().map(|&triangle| selected.triangles[triangle]).collect();
+        mesh = close(selected.clone(), options)?;
+        given = Some(selected);
+        selections += 1;
+    }
 }
 
 /// The size of the cells of `lattice`, which was fitted with the size of `options`.

@@ -46,6 +46,7 @@ impl TouchSurface {
         let spacing_m = spacing * cell_m;
         // Points further apart than half the thickness of a finger would lose it.
         let thickness_m = thickness::thickness_m(
+            mesh.enclosing_bvh(),
             mesh.closed_triangles(),
             enclosing_m,
             &normals,

@@ -6,6 +6,6 @@ use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 
 /// A tree over the bounding boxes of `triangles`, whose leaves have their indices.
 pub(crate) fn triangle_bvh(triangles: impl Iterator<Item = [DVec3; 3]>) -> Bvh {
-    let boxes: Vec<Aabb> = triangles.map(|[a, b, c]| Aabb::new(a.min(b).min(c), a.max(b).max(c))).collect();
-    Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes)
+    let boxes = triangles.map(|[a, b, c]| Aabb::new(a.min(b).min(c), a.max(b).max(c)));
+    Bvh::from_iter(BvhBuildStrategy::Binned, boxes.enumerate())
 }

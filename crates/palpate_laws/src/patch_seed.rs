@@ -20,6 +20,8 @@ pub struct Seed {
     pub normal: DVec3,
     /// Unit normal of the triangle at rest.
     pub rest_normal: DVec3,
+    /// Cosine between that normal and the one of the triangle.
+    facing: f64,
     /// Sample of the path at which the place came within reach, and its distance then, m. Seeds are ordered by both.
     order: (u32, f64),
 }
@@ -35,6 +37,10 @@ const BEYOND_RADII: f64 = 2.0;
 const BEYOND_CELLS: f64 = 2.0;
 /// Two patches are the same if the cosine between their normals is above this value.
 const SAME_COSINE: f64 = 0.9;
+/// Distance of two seeds, in cells, up to which they are at the same place, and difference of two cosines that counts as zero: far above the
+/// differences between the body and its near field.
+const SAME_PLACE_CELLS: f64 = 1e-5;
+const SAME_FACING: f64 = 1e-4;
 
 impl Seed {
     /// The seed on a triangle for a tool that moves straight from `from_m` to `to_m`. `None` if the tool's surface
@@ -77,8 +83,9 @@ impl Seed {
             let order = (if away <= 0.0 { sample } else { samples + 1 }, away);
             if best.is_none_or(|best| order < best.order) {
                 let place = SurfacePlace { triangle, weights };
-                let normal = start_normal(shape, core - at_m, normal);
-                best = Some(Self { place, at_m, normal, rest_normal, order });
+                let start = start_normal(shape, core - at_m, normal);
+                best =
+                    Some(Self { place, at_m, normal: start, rest_normal, facing: start.dot(normal), order });
             }
             if away <= 0.0 {
                 break;
@@ -95,9 +102,15 @@ impl Seed {
         (reach_m + around_m(shape) + moved_m).max(2.0 * moved_m) * (1.0 + 1e-9)
     }
 
-    /// Whether this seed is ordered before `other`.
-    fn is_before(&self, other: &Self) -> bool {
-        (self.order, self.place.triangle) < (other.order, other.place.triangle)
+    /// Whether this seed is ordered before `other`. Of two on a common edge or corner of their triangles, which have the same order up to
+    /// rounding, it is the one whose triangle faces more along the normal.
+    fn is_before(&self, other: &Self, cell_m: f64) -> bool {
+        let triangle = self.place.triangle < other.place.triangle;
+        if self.at_m.distance(other.at_m) > SAME_PLACE_CELLS * cell_m {
+            return self.order < other.order || self.order == other.order && triangle;
+        }
+        let more = self.facing - other.facing;
+        if more.abs() > SAME_FACING { more > 0.0 } else { triangle }
     }
 
     /// Whether a contact here is separate from the patch `known`, which started on a triangle with the given rest
@@ -204,7 +217,7 @@ impl ActivePatches {
         loop {
             // A seed that is not separate now will not be later.
             seeds.retain(|seed| self.iter().all(|known| seed.is_apart(known.rest_normal, known, cell_m)));
-            let first = seeds.iter().copied().reduce(|a, b| if b.is_before(&a) { b } else { a });
+            let first = seeds.iter().copied().reduce(|a, b| if b.is_before(&a, cell_m) { b } else { a });
             let Some(first) = first else { return };
             seeds.retain(|seed| seed.place.triangle != first.place.triangle);
             let Some(patch) = find(&PatchStart::on(first.place, first.normal)) else { continue };
@@ -254,5 +267,36 @@ mod tests {
         for seed in seeds_on_ridge(0.0) {
             assert!(seed.normal.distance(seed.rest_normal) < 1e-12, "{seed:?}");
         }
+    }
+
+    /// Starts a patch at the first of `seeds`, and returns the triangle on which it starts.
+    fn first_triangle(seeds: &[Seed]) -> usize {
+        let mut first = None;
+        let find = |start: &PatchStart| Some(Patch { foot: start.foot, ..Patch::default() });
+        ActivePatches::default().begin(&mut seeds.to_vec(), 1.0, find, |_, seed| {
+            first.get_or_insert(seed.place.triangle);
+            None
+        });
+        first.unwrap()
+    }
+
+    #[test]
+    fn a_patch_on_a_common_edge_starts_on_the_same_triangle_whatever_the_rounding() {
+        let seeds = seeds_on_ridge(0.9);
+        for lower in [-1e-15, 0.0, 1e-15] {
+            let mut seeds = seeds;
+            seeds[1].order.1 += lower;
+            assert_eq!(first_triangle(&seeds), 0);
+            seeds.reverse();
+            assert_eq!(first_triangle(&seeds), 0);
+            // A triangle that faces more along the normal comes first.
+            seeds[0].facing += 1e-3;
+            assert_eq!(first_triangle(&seeds), seeds[0].place.triangle);
+        }
+        // Elsewhere the nearer place comes first.
+        let mut seeds = seeds;
+        seeds[1].at_m += 1e-3 * DVec3::X;
+        seeds[1].order.1 -= 1e-15;
+        assert_eq!(first_triangle(&seeds), 1);
     }
 }

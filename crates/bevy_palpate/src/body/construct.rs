@@ -9,7 +9,7 @@ use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, ClosedMesh, Face, ImplausibleSize, JoinedMesh, MeshBody, Region,
+    Block, Body, BodyError, ClosedMesh, Face, ImplausibleSize, JoinedMesh, MeshBody, Region,
     SemiImplicitEuler, Skin,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
@@ -152,7 +152,7 @@ impl BuildInput {
             let (what, allowed) = ("length of a slit in a mesh, m", "absent: only a block can have a Slit");
             return Err(BodyError::Parameter { what, value: slit.length_m, allowed });
         }
-        let mut lattice = CellLattice::fit(closed, joined.cells)?;
+        let mut lattice = joined.lattice()?;
         for &face in self.fixed.faces() {
             lattice = lattice.fix_outermost(face.into());
         }

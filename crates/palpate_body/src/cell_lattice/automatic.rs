@@ -62,7 +62,7 @@ impl<'a> CellLattice<'a> {
         if nodes > max_nodes {
             return Err(too_many(nodes));
         }
-        lattice.parts = Some(parts);
+        lattice.parts = parts.into();
         Ok(lattice)
     }
 }

@@ -108,9 +108,23 @@ impl CellParts {
         for (part, linked) in self.links.iter().enumerate() {
             linked.iter().for_each(|&other| sets.unite(part, other));
         }
+        // Shells on which parts are not connected. Of most meshes it is none.
+        let mut set_of = vec![None; shells.len()];
+        let mut is_divided = vec![false; shells.len()];
+        for (part, triangles) in triangles_of.iter().enumerate() {
+            let own = sets.find(part);
+            for shell in triangles.iter().map(|&triangle| shells[triangle]) {
+                is_divided[shell] |= *set_of[shell].get_or_insert(own) != own;
+            }
+        }
+        if !is_divided.contains(&true) {
+            return;
+        }
         let mut on_triangle: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (part, triangles) in triangles_of.iter().enumerate() {
-            triangles.iter().for_each(|&triangle| on_triangle.entry(triangle).or_default().push(part));
+            for &triangle in triangles.iter().filter(|triangle| is_divided[shells[**triangle]]) {
+                on_triangle.entry(triangle).or_default().push(part);
+            }
         }
         let mut on_shell: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
         for (&triangle, parts) in &on_triangle {
@@ -169,12 +183,14 @@ impl CellParts {
     }
 }
 
-/// The closed shell of each triangle of the enclosing surface: the lowest point that edges connect with it.
+/// The closed shell of each triangle of the enclosing surface: the lowest triangle that edges connect with it.
 fn shells(mesh: &ClosedMesh) -> Vec<usize> {
     let mut sets = DisjointSets::new(mesh.enclosing_points_m().len());
     for &[a, b, c] in mesh.closed_triangles() {
         sets.unite(a, b);
         sets.unite(b, c);
     }
-    mesh.closed_triangles().iter().map(|t| sets.find(t[0])).collect()
+    let mut first = vec![None; mesh.enclosing_points_m().len()];
+    let shell = |(triangle, t): (usize, &[usize; 3])| *first[sets.find(t[0])].get_or_insert(triangle);
+    mesh.closed_triangles().iter().enumerate().map(shell).collect()
 }

@@ -298,19 +298,17 @@ fn edges_within(
 ) -> Vec<(usize, usize)> {
     let low = DVec3::from_array(place.map(|n| n as f64));
     let at = |point: usize| grid.in_cells(mesh.enclosing_points_m()[point]) - low;
-    let mut first: BTreeMap<(usize, usize), usize> = BTreeMap::new();
-    let mut pairs = Vec::new();
+    let mut sides: Vec<((usize, usize), usize)> = Vec::with_capacity(3 * surface.triangles.len());
     for (index, &triangle) in surface.triangles.iter().enumerate() {
         let [a, b, c] = mesh.closed_triangles()[triangle];
-        for (from, to) in [(a, b), (b, c), (c, a)] {
-            if let Some(other) = first.insert((from.min(to), from.max(to)), index)
-                && meets_cell(at(from), at(to))
-            {
-                pairs.push((other, index));
-            }
-        }
+        sides.extend([(a, b), (b, c), (c, a)].map(|(from, to)| ((from.min(to), from.max(to)), index)));
     }
-    pairs
+    sides.sort_unstable();
+    let of_one_edge = sides.windows(2).filter(|pair| pair[0].0 == pair[1].0);
+    of_one_edge
+        .filter(|pair| meets_cell(at(pair[0].0.0), at(pair[0].0.1)))
+        .map(|pair| (pair[0].1, pair[1].1))
+        .collect()
 }
 
 /// Whether a segment meets the unit cube.

@@ -3,22 +3,23 @@
 use super::edges::sides;
 use super::geometry::TOLERANCE;
 use super::weld::{Welded, weld};
+use crate::parallel;
 use glam::DVec3;
 
 /// Tolerances of coincident vertices, as fractions of the longest side, that are tried on a mesh with open edges.
 const CRACKS: [f64; 2] = [1e-5, 1e-4];
 
-/// Welds vertices within a fraction of the longest side, and returns it too: [`TOLERANCE`], or a larger one that closes at least half of the open
-/// edges which the one before leaves.
+/// Welds vertices within a fraction of the longest side, and returns it too: [`TOLERANCE`], with which they are `welded`, or a larger one that
+/// closes at least half of the open edges which the one before leaves.
 pub(super) fn weld_cracks(
+    welded: Welded,
     vertices_m: &[DVec3],
     triangles: &[[usize; 3]],
     center_m: DVec3,
     size_m: f64,
 ) -> (Welded, f64) {
-    let welded = weld(vertices_m, triangles, center_m, TOLERANCE * size_m);
     let edges = open_edges(&welded, triangles);
-    let left_open = |tolerance: f64| {
+    let left_open = |tolerance: &f64| {
         let corners: Vec<[usize; 3]> = edges.iter().map(|&[a, b]| [a, b, b]).collect();
         let welded = weld(vertices_m, &corners, center_m, tolerance * size_m);
         let mut edges: Vec<[Option<usize>; 2]> = edges
@@ -31,12 +32,9 @@ pub(super) fn weld_cracks(
         edges.chunk_by(|a, b| a == b).filter(|same| same.len() == 1).count()
     };
     let (mut chosen, mut open) = (TOLERANCE, edges.len());
-    for tolerance in CRACKS {
-        if open == 0 {
-            break;
-        }
-        let left = left_open(tolerance);
-        if 2 * left <= open {
+    let lefts = if open > 0 { parallel::map_each(&CRACKS, left_open) } else { Vec::new() };
+    for (tolerance, left) in CRACKS.into_iter().zip(lefts) {
+        if open > 0 && 2 * left <= open {
             (chosen, open) = (tolerance, left);
         }
     }

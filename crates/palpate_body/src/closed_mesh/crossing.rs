@@ -4,8 +4,7 @@ use super::MeshError;
 use super::geometry::bounds;
 use crate::parallel;
 use glam::DVec3;
-use parry3d_f64::bounding_volume::Aabb;
-use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
+use parry3d_f64::partitioning::Bvh;
 use std::ops::Range;
 
 /// Maximum number of tested pairs of boxes: per triangle, plus a constant. A mesh of even triangles has about ten
@@ -17,25 +16,24 @@ const MAX_FOUND: usize = 1000;
 /// Number of triangles that a thread examines before the sums of all are compared with the limits.
 const EXAMINED: usize = 4096;
 
-/// Rejects triangles that intersect by more than `tolerance_m`, in bounded time. Those before `first` do not intersect one another.
+/// Rejects triangles that intersect by more than `tolerance_m`, in bounded time. Those before `first` do not intersect one another. `bvh` has the
+/// boxes of the triangles.
 ///
 /// # Errors
 /// [`MeshError::Crossing`], [`MeshError::Tangled`].
 pub(super) fn check(
+    bvh: &Bvh,
     triangles: &[[usize; 3]],
     first: usize,
     points_m: &[DVec3],
-    center_m: DVec3,
-    tolerance_m: f64,
+    (center_m, tolerance_m): (DVec3, f64),
 ) -> Result<(), MeshError> {
     let corners = |triangle: usize| triangles[triangle].map(|point| points_m[point]);
-    let boxes: Vec<Aabb> = (0..triangles.len()).map(|t| bounds(corners(t), 0.0)).collect();
-    let bvh = Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes);
     let max_pairs = MAX_PAIRS.0 * triangles.len() + MAX_PAIRS.1;
     let examine = |owns: Range<usize>| {
         let mut examined = Examined::default();
         for own in owns {
-            for other in bvh.intersect_aabb(&boxes[own]).map(|other| other as usize) {
+            for other in bvh.intersect_aabb(&bounds(corners(own), 0.0)).map(|other| other as usize) {
                 examined.tested += 1;
                 if other >= first && other <= own {
                     continue;
@@ -100,28 +98,55 @@ fn meet(triangles: &[[usize; 3]], points_m: &[DVec3], pair: [usize; 2], toleranc
     if shared >= 2 {
         return None;
     }
-    let pierces = |from: [usize; 3], through: [usize; 3]| {
-        let through_m = through.map(|point| points_m[point]);
-        (0..3).find_map(|corner| {
-            let edge = [from[corner], from[(corner + 1) % 3]];
-            // An edge that starts at a shared corner cannot return to the triangle.
-            let away = edge.iter().all(|point| !through.contains(point));
-            let [p, q] = edge.map(|point| points_m[point]);
-            away.then(|| pierced(through_m, p, q, tolerance_m)).flatten()
-        })
+    let corners_m = |t: [usize; 3]| t.map(|point| points_m[point]);
+    let (plane_t, plane_u) = (Plane::of(corners_m(t)), Plane::of(corners_m(u)));
+    let heights = |plane: Option<&Plane>, t: [usize; 3]| {
+        plane.map(|plane| corners_m(t).map(|x| (x - plane.corners_m[0]).dot(plane.normal)))
     };
-    pierces(t, u).or_else(|| pierces(u, t))
-}
-
-/// The point at which the edge from `p` to `q` passes through a triangle, by more than `tolerance_m` on both sides.
-fn pierced([a, b, c]: [DVec3; 3], p: DVec3, q: DVec3, tolerance_m: f64) -> Option<DVec3> {
-    let normal = (b - a).cross(c - a);
-    let unit = normal.try_normalize()?;
-    let (below, above) = ((p - a).dot(unit), (q - a).dot(unit));
-    if below.abs() <= tolerance_m || above.abs() <= tolerance_m || (below > 0.0) == (above > 0.0) {
+    let (of_u, of_t) = (heights(plane_t.as_ref(), u), heights(plane_u.as_ref(), t));
+    // A triangle on one side of the plane of another does not meet it.
+    let is_apart = |heights: &[f64; 3]| heights.iter().all(|h| *h > 0.0) || heights.iter().all(|h| *h < 0.0);
+    if of_u.as_ref().is_some_and(is_apart) || of_t.as_ref().is_some_and(is_apart) {
         return None;
     }
-    let at = p + (q - p) * (below / (below - above));
-    let within = |from: DVec3, to: DVec3| (to - from).cross(at - from).dot(unit) >= 0.0;
-    (within(a, b) && within(b, c) && within(c, a)).then_some(at)
+    let pierces =
+        |from: [usize; 3], heights: Option<[f64; 3]>, through: [usize; 3], plane: Option<&Plane>| {
+            let (heights, plane) = (heights?, plane?);
+            (0..3).find_map(|corner| {
+                let next = (corner + 1) % 3;
+                // An edge that starts at a shared corner cannot return to the triangle.
+                if [from[corner], from[next]].iter().any(|point| through.contains(point)) {
+                    return None;
+                }
+                let [p, q] = [corner, next].map(|corner| (points_m[from[corner]], heights[corner]));
+                plane.pierced(p, q, tolerance_m)
+            })
+        };
+    pierces(t, of_t, u, plane_u.as_ref()).or_else(|| pierces(u, of_u, t, plane_t.as_ref()))
+}
+
+/// A triangle in its plane.
+struct Plane {
+    corners_m: [DVec3; 3],
+    normal: DVec3,
+}
+
+impl Plane {
+    /// `None` for a triangle without area.
+    fn of([a, b, c]: [DVec3; 3]) -> Option<Self> {
+        let normal = (b - a).cross(c - a).try_normalize()?;
+        Some(Self { corners_m: [a, b, c], normal })
+    }
+
+    /// The point at which the edge between two points with their heights above the plane passes through the triangle, by more than `tolerance_m`
+    /// on both sides.
+    fn pierced(&self, (p, below): (DVec3, f64), (q, above): (DVec3, f64), tolerance_m: f64) -> Option<DVec3> {
+        if below.abs() <= tolerance_m || above.abs() <= tolerance_m || (below > 0.0) == (above > 0.0) {
+            return None;
+        }
+        let at = p + (q - p) * (below / (below - above));
+        let within = |from: DVec3, to: DVec3| (to - from).cross(at - from).dot(self.normal) >= 0.0;
+        let [a, b, c] = self.corners_m;
+        (within(a, b) && within(b, c) && within(c, a)).then_some(at)
+    }
 }

@@ -24,23 +24,30 @@ pub(super) fn sides(triangles: &[[usize; 3]]) -> Vec<Side> {
 }
 
 /// Directed edges without an opposite among the triangles of the same group, with their group, sorted by group and edge. An edge appears as
-/// often as opposites are missing.
+/// often as opposites are missing. `sides` are those of the triangles as given, of which some are turned; `group` and `is_turned` are those of
+/// a triangle.
 pub(super) fn open_edges<G: Copy + Ord>(
-    triangles: impl Iterator<Item = ([usize; 3], G)>,
+    sides: &[Side],
+    group: impl Fn(usize) -> G,
+    is_turned: impl Fn(usize) -> bool,
 ) -> Vec<((usize, usize), G)> {
-    let mut edges: Vec<(G, (usize, usize), bool)> = triangles
-        .flat_map(|([a, b, c], group)| {
-            [(a, b), (b, c), (c, a)].map(|(a, b)| (group, (a.min(b), a.max(b)), a < b))
-        })
-        .collect();
-    edges.sort_unstable();
     let mut open = Vec::new();
-    for same in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
-        let (group, (low, high), _) = same[0];
-        let up = same.iter().filter(|(.., is_up)| *is_up).count();
-        let down = same.len() - up;
-        let edge = if up > down { (low, high) } else { (high, low) };
-        open.extend(std::iter::repeat_n((edge, group), up.abs_diff(down)));
+    let mut around: Vec<(G, bool)> = Vec::new();
+    for same in sides.chunk_by(|a, b| a.edge == b.edge) {
+        let (low, high) = (same[0].edge.0 as usize, same[0].edge.1 as usize);
+        around.clear();
+        around.extend(same.iter().map(|side| {
+            let triangle = side.triangle as usize;
+            (group(triangle), side.is_up != is_turned(triangle))
+        }));
+        around.sort_unstable();
+        for of_group in around.chunk_by(|a, b| a.0 == b.0) {
+            let up = of_group.iter().filter(|(_, is_up)| *is_up).count();
+            let down = of_group.len() - up;
+            let edge = if up > down { (low, high) } else { (high, low) };
+            open.extend(std::iter::repeat_n((edge, of_group[0].0), up.abs_diff(down)));
+        }
     }
+    open.sort_by_key(|(_, group)| *group);
     open
 }

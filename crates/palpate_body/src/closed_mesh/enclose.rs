@@ -9,7 +9,9 @@ use super::surface_nets::{self, is_inside};
 use super::thicken::thicken;
 use super::winding_samples::WindingSamples;
 use super::{MeshError, crossing};
+use crate::triangle_bvh::triangle_bvh;
 use glam::DVec3;
+use parry3d_f64::partitioning::Bvh;
 
 /// Number of samples of the winding number along the longest side, and for a thin mesh.
 const SAMPLES_ALONG: usize = 128;
@@ -23,29 +25,55 @@ const MIN_COMPONENT: f64 = 1e-4;
 pub(super) struct Enclosed {
     /// The given triangles, turned where needed.
     pub oriented: Vec<[usize; 3]>,
-    pub surface: ClosedSurface,
+    pub surface: Enclosing,
     pub assumptions: MeshAssumptions,
 }
 
-/// Encloses `triangles` of `points_m`, which lie within ±`half_size_m` and have no repeated corners. Open parts become sheets of
-/// `thickness_m`, if it is given; `half_size_m` includes it.
+/// An enclosing surface with its inside test.
+pub(super) struct Enclosing {
+    pub surface: ClosedSurface,
+    pub inside: Inside,
+}
+
+impl Enclosing {
+    fn of(surface: ClosedSurface, half_size_m: DVec3) -> Self {
+        Self { inside: Inside::new(&surface.triangles, &surface.points_m, half_size_m), surface }
+    }
+}
+
+/// A mesh to enclose.
+pub(super) struct Given<'a> {
+    /// Triangles without repeated corners.
+    pub triangles: &'a [[usize; 3]],
+    /// Points within ±`half_size_m`, relative to the centre.
+    pub points_m: &'a [DVec3],
+    pub center_m: DVec3,
+    /// Half of the size, with the thickness.
+    pub half_size_m: DVec3,
+    /// Thickness of open parts, which then become sheets.
+    pub thickness_m: Option<f64>,
+    /// Tolerance of coincident points.
+    pub tolerance_m: f64,
+    /// Number of pairs of triangles that cross, if it is known.
+    pub crossing_count: Option<usize>,
+}
+
+/// Encloses a mesh.
 ///
 /// # Errors
-/// [`MeshError::NoInside`] if no sample is inside.
-pub(super) fn enclose(
-    triangles: &[[usize; 3]],
-    points_m: &[DVec3],
-    (center_m, half_size_m): (DVec3, DVec3),
-    thickness_m: Option<f64>,
-    tolerance_m: f64,
-) -> Result<Enclosed, MeshError> {
+/// [`MeshError::NoInside`] if no sample is inside, [`MeshError::Tangled`].
+pub(super) fn enclose(given: &Given<'_>) -> Result<Enclosed, MeshError> {
+    let &Given { triangles, points_m, center_m, half_size_m, thickness_m, tolerance_m, crossing_count } =
+        given;
     let parts = OpenParts::new(triangles, points_m);
     let bounds = Bounds { center_m, half_size_m, tolerance_m };
+    let bvh = triangle_bvh(parts.triangles.iter().map(|t| t.map(|point| points_m[point])));
     let mut assumptions = MeshAssumptions {
         hole_count: parts.holes.len(),
         open_edge_count: parts.open_edge_count,
         branching_edge_count: parts.branching_edge_count,
-        crossing_count: bounds.crossings(&parts.triangles, 0, points_m),
+        crossing_count: crossing_count
+            .unwrap_or_else(|| bounds.crossings(&bvh, &parts.triangles, 0, points_m)),
         part_count: parts.part_count,
         reoriented_part_count: parts.reoriented_parts,
         ..MeshAssumptions::default()
@@ -59,29 +87,41 @@ pub(super) fn enclose(
                 && parts.cap_share(points_m) < MAX_CAP_SHARE;
             let capped = is_capped.then(|| parts.capped(points_m));
             let first_cap = parts.triangles.len();
-            match capped.and_then(|capped| bounds.simple(&capped.triangles, first_cap, capped.points_m)) {
-                Some(surface) => {
-                    let samples = sample(&parts, points_m, half_size_m, 4.0 * coarsest_m);
+            match capped.map(|capped| bounds.simple(capped, first_cap)) {
+                Some(Ok(surface)) => {
+                    let samples = sample(&parts, points_m, half_size_m, 4.0 * coarsest_m)?;
                     assumptions.uncertain_share = samples.uncertain_share();
                     surface
                 }
-                None => {
+                _ => {
                     let across_m = parts.mean_thickness_m(points_m) / SAMPLES_ACROSS;
                     // Triangles without area have no mean thickness: NaN becomes the finest spacing.
                     let spacing_m = across_m.max(finest_m).min(coarsest_m);
-                    sampled(&parts, points_m, half_size_m, spacing_m, &mut assumptions)?
+                    let surface = sampled(&parts, points_m, &bvh, half_size_m, spacing_m, &mut assumptions)?;
+                    Enclosing::of(surface, half_size_m)
                 }
             }
         }
         Some(thickness_m) => {
             (assumptions.hole_count, assumptions.thickness_m) = (0, Some(thickness_m));
+            drop(bvh);
             let thickened = thicken(&parts, points_m, thickness_m);
-            match bounds.simple(&thickened.triangles, 0, thickened.points_m.clone()) {
-                Some(surface) => surface,
-                None => {
+            match bounds.simple(thickened, 0) {
+                Ok(surface) => surface,
+                Err(thickened) => {
                     let sheets = OpenParts::new(&thickened.triangles, &thickened.points_m);
                     let spacing_m = (thickness_m / SAMPLES_ACROSS).clamp(finest_m, coarsest_m);
-                    sampled(&sheets, &thickened.points_m, half_size_m, spacing_m, &mut assumptions)?
+                    let corners = |t: &[usize; 3]| t.map(|point| thickened.points_m[point]);
+                    let bvh = triangle_bvh(sheets.triangles.iter().map(corners));
+                    let surface = sampled(
+                        &sheets,
+                        &thickened.points_m,
+                        &bvh,
+                        half_size_m,
+                        spacing_m,
+                        &mut assumptions,
+                    )?;
+                    Enclosing::of(surface, half_size_m)
                 }
             }
         }
@@ -100,22 +140,32 @@ struct Bounds {
 }
 
 impl Bounds {
-    /// The surface of `triangles`, if it is closed and does not pass through itself, and parts within others are cavities. Triangles before
-    /// `first` do not cross one another.
-    fn simple(&self, triangles: &[[usize; 3]], first: usize, points_m: Vec<DVec3>) -> Option<ClosedSurface> {
-        let parts = OpenParts::new(triangles, &points_m);
-        let is_simple = parts.open_edge_count == 0
-            && parts.branching_edge_count == 0
-            && self.crossings(&parts.triangles, first, &points_m) == 0
-            && Inside::new(&parts.triangles, &points_m, self.half_size_m)
+    /// The triangles with an inside test, if they are closed and do not cross, and parts within others are cavities. Triangles before `first` do
+    /// not cross one another.
+    ///
+    /// # Errors
+    /// The triangles, otherwise.
+    fn simple(&self, surface: ClosedSurface, first: usize) -> Result<Enclosing, ClosedSurface> {
+        let ClosedSurface { points_m, triangles } = surface;
+        let parts = OpenParts::new(&triangles, &points_m);
+        if parts.open_edge_count > 0 || parts.branching_edge_count > 0 {
+            return Err(ClosedSurface { points_m, triangles });
+        }
+        drop(triangles);
+        let inside = Inside::new(&parts.triangles, &points_m, self.half_size_m);
+        let is_simple = self.crossings(inside.bvh(), &parts.triangles, first, &points_m) == 0
+            && inside
                 .parts_to_turn(&parts.part, parts.part_count, self.center_m)
                 .is_ok_and(|turned| !turned.contains(&true));
-        is_simple.then_some(ClosedSurface { points_m, triangles: parts.triangles })
+        if !is_simple {
+            return Err(ClosedSurface { points_m, triangles: parts.triangles });
+        }
+        Ok(Enclosing { surface: ClosedSurface { points_m, triangles: parts.triangles }, inside })
     }
 
     /// Number of pairs of triangles that cross, as far as the search goes, without pairs before `first`.
-    fn crossings(&self, triangles: &[[usize; 3]], first: usize, points_m: &[DVec3]) -> usize {
-        match crossing::check(triangles, first, points_m, self.center_m, self.tolerance_m) {
+    fn crossings(&self, bvh: &Bvh, triangles: &[[usize; 3]], first: usize, points_m: &[DVec3]) -> usize {
+        match crossing::check(bvh, triangles, first, points_m, (self.center_m, self.tolerance_m)) {
             Err(MeshError::Crossing { pairs, .. }) => pairs,
             Err(_) => 1,
             Ok(()) => 0,
@@ -124,28 +174,37 @@ impl Bounds {
 }
 
 /// Samples the winding number at points `spacing_m` apart.
-fn sample(parts: &OpenParts, points_m: &[DVec3], half_size_m: DVec3, spacing_m: f64) -> WindingSamples {
-    let corners = parts.triangles.iter().map(|t| t.map(|point| points_m[point]));
-    WindingSamples::new(corners, &parts.caps, half_size_m, spacing_m)
-}
-
-/// Extracts the surface from samples `spacing_m` apart.
-fn sampled(
+///
+/// # Errors
+/// [`MeshError::Tangled`].
+fn sample(
     parts: &OpenParts,
     points_m: &[DVec3],
     half_size_m: DVec3,
     spacing_m: f64,
+) -> Result<WindingSamples, MeshError> {
+    let corners = parts.triangles.iter().map(|t| t.map(|point| points_m[point]));
+    WindingSamples::new(corners, &parts.caps, half_size_m, spacing_m)
+}
+
+/// Extracts the surface from samples `spacing_m` apart. `bvh` has the boxes of the triangles.
+fn sampled(
+    parts: &OpenParts,
+    points_m: &[DVec3],
+    bvh: &Bvh,
+    half_size_m: DVec3,
+    spacing_m: f64,
     assumptions: &mut MeshAssumptions,
 ) -> Result<ClosedSurface, MeshError> {
-    let mut samples = sample(parts, points_m, half_size_m, spacing_m);
+    let mut samples = sample(parts, points_m, half_size_m, spacing_m)?;
     let spacing_m = samples.spacing_m;
     assumptions.uncertain_share = samples.uncertain_share();
     remove_specks(&mut samples);
     if !samples.winding.iter().any(|w| is_inside(*w)) {
         return Err(MeshError::NoInside { spacing_m });
     }
-    let corners: Vec<[DVec3; 3]> = parts.triangles.iter().map(|t| t.map(|point| points_m[point])).collect();
-    let mut surface = surface_nets::enclose(&samples, &corners);
+    let corners = |triangle: usize| parts.triangles[triangle].map(|point| points_m[point]);
+    let mut surface = surface_nets::enclose(&samples, &corners, bvh);
     surface.points_m.iter_mut().for_each(|x| *x = x.clamp(-half_size_m, half_size_m));
     // A sheet has samples in its plane, and no volume.
     if volume(&surface.triangles, &surface.points_m) <= spacing_m.powi(3) {

@@ -12,7 +12,7 @@ use parry3d_f64::partitioning::{Bvh, BvhBuildStrategy};
 /// shifted symbolically by (ε, ε²) in y and z (H. Edelsbrunner and E. P. Mücke, ACM Trans. Graph. 9 (1990) 66).
 #[derive(Clone)]
 pub(super) struct Inside {
-    triangles: Vec<[[i64; 3]; 3]>,
+    triangles: Vec<[[i32; 3]; 3]>,
     bvh: Bvh,
     half_size_m: DVec3,
     unit_m: f64,
@@ -31,14 +31,25 @@ impl Inside {
     /// Creates the test for `triangles` of `points_m`, which lie within ±`half_size_m`.
     pub fn new(triangles: &[[usize; 3]], points_m: &[DVec3], half_size_m: DVec3) -> Self {
         let unit_m = half_size_m.max_element() / UNITS;
-        let boxes: Vec<Aabb> =
-            triangles.iter().map(|t| bounds(t.map(|point| points_m[point]), 2.0 * unit_m)).collect();
-        let whole = |x: DVec3| (x / unit_m).round().as_i64vec3().to_array();
+        let boxes = triangles.iter().map(|t| bounds(t.map(|point| points_m[point]), 2.0 * unit_m));
+        let whole = |x: DVec3| (x / unit_m).round().as_ivec3().to_array();
         Self {
             triangles: triangles.iter().map(|t| t.map(|point| whole(points_m[point]))).collect(),
-            bvh: Bvh::from_leaves(BvhBuildStrategy::Binned, &boxes),
+            bvh: Bvh::from_iter(BvhBuildStrategy::Binned, boxes.enumerate()),
             half_size_m,
             unit_m,
+        }
+    }
+
+    /// Tree over the boxes of the triangles, which are slightly enlarged.
+    pub fn bvh(&self) -> &Bvh {
+        &self.bvh
+    }
+
+    /// Flips the triangles of the parts with `turned`, where `part` is the part of each.
+    pub fn turn(&mut self, part: &[usize], turned: &[bool]) {
+        for (corners, _) in self.triangles.iter_mut().zip(part).filter(|(_, part)| turned[**part]) {
+            corners.swap(1, 2);
         }
     }
 
@@ -59,7 +70,7 @@ impl Inside {
         let place = (place_m / self.unit_m).round().as_i64vec3().to_array();
         let ray = Aabb::new(place_m, DVec3::new(self.half_size_m.x + self.unit_m, place_m.y, place_m.z));
         for triangle in self.bvh.intersect_aabb(&ray) {
-            let sign = crossing(&self.triangles[triangle as usize], place);
+            let sign = crossing(&self.corners(triangle as usize), place);
             if sign != 0 {
                 each(triangle as usize, sign);
             }
@@ -122,13 +133,18 @@ impl Inside {
     /// Where the line along `axis` through `at_m` crosses a triangle: +1 or −1 as it leaves or enters, and the coordinate, m.
     pub fn line_crossing(&self, triangle: usize, axis: usize, at_m: DVec3) -> Option<(i64, f64)> {
         let turned = |x: [i64; 3]| [x[axis], x[(axis + 1) % 3], x[(axis + 2) % 3]];
-        let corners = self.triangles[triangle].map(turned);
+        let corners = self.corners(triangle).map(turned);
         let [_, y, z] = turned((at_m / self.unit_m).round().as_i64vec3().to_array());
         row_crossing(&corners, [y, z]).map(|(sign, x)| (sign, self.unit_m * x))
     }
 
     fn corners_m(&self, triangle: usize) -> [DVec3; 3] {
-        self.triangles[triangle].map(|[x, y, z]| self.unit_m * DVec3::new(x as f64, y as f64, z as f64))
+        self.corners(triangle).map(|[x, y, z]| self.unit_m * DVec3::new(x as f64, y as f64, z as f64))
+    }
+
+    /// Corners of a triangle, in units.
+    fn corners(&self, triangle: usize) -> [[i64; 3]; 3] {
+        self.triangles[triangle].map(|corner| corner.map(i64::from))
     }
 }
 

@@ -8,6 +8,9 @@ use glam::DVec3;
 /// Coordinates beyond this, m, have no digits left for a body.
 const MAX_COORDINATE_M: f64 = 1e15;
 
+/// Distance of neighbouring coordinates relative to the size, beyond which a mesh has lost its digits.
+const MAX_LOST: f64 = 1e-3;
+
 /// Measurements of a mesh before any computation.
 pub(super) struct Measured {
     /// Bounds of the vertices in use.
@@ -51,6 +54,15 @@ impl Measured {
 
     pub(super) fn size_m(&self) -> f64 {
         (self.bounds_m.1 - self.bounds_m.0).max_element()
+    }
+
+    /// The error of closing the mesh, whose coordinates are `grid_m` apart: with few digits, holes, slivers and intersections are their
+    /// consequence.
+    pub(super) fn reason(&self, error: MeshError, grid_m: f64) -> MeshError {
+        if grid_m > MAX_LOST * self.size_m().max(MIN_MESH_SIZE_M) {
+            return MeshError::LostDigits { distance_m: self.distance_m(), grid_m };
+        }
+        error
     }
 
     /// Maximum absolute coordinate, m.

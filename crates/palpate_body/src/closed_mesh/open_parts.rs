@@ -13,7 +13,7 @@ pub(super) struct OpenParts {
     pub triangles: Vec<[usize; 3]>,
     /// Part of each triangle.
     pub part: Vec<usize>,
-    /// Triangles that close all holes: the sum of `triangles` and caps has no boundary.
+    /// Triangles that close all holes, few of them large: the sum of `triangles` and caps has no boundary.
     pub caps: Vec<[DVec3; 3]>,
     /// Closed loops of points along the holes.
     pub holes: Vec<Vec<usize>>,
@@ -33,20 +33,22 @@ impl OpenParts {
         let sides = sides(triangles);
         let branching_edge_count =
             sides.chunk_by(|a, b| a.edge == b.edge).filter(|edge| edge.len() > 2).count();
-        let (part, part_count, turned) = connect(&sides, triangles.len());
-        drop(sides);
+        let (part, part_count, mut turned) = connect(&sides, triangles.len());
         let mut oriented: Vec<[usize; 3]> = triangles
             .iter()
             .zip(&turned)
             .map(|(&[a, b, c], is_turned)| if *is_turned { [a, c, b] } else { [a, b, c] })
             .collect();
-        let mut parts = vec![Vec::new(); part_count];
-        oriented.iter().zip(&part).for_each(|(t, part)| parts[*part].push(*t));
-        let turn = parts_to_turn(&parts, points_m);
-        for (t, _) in oriented.iter_mut().zip(&part).filter(|(_, part)| turn[**part]) {
+        let edges = open_edges(&sides, |triangle| part[triangle], |triangle| turned[triangle]);
+        let turn = parts_to_turn(&TrianglesOfParts::new(&oriented, &part, part_count), &edges, points_m);
+        for ((t, turned), _) in
+            oriented.iter_mut().zip(&mut turned).zip(&part).filter(|(_, part)| turn[**part])
+        {
             t.swap(1, 2);
+            *turned = !*turned;
         }
-        let loops = boundary_loops(&oriented);
+        let open = open_edges(&sides, |_| (), |triangle| turned[triangle]);
+        let loops = boundary_loops(open.into_iter().map(|(edge, ())| edge).collect());
         Self {
             caps: caps(&loops, points_m),
             triangles: oriented,
@@ -59,10 +61,14 @@ impl OpenParts {
         }
     }
 
-    /// The triangles with the caps on their holes, as one surface.
+    /// The triangles with fans on their holes, as one surface.
     pub(super) fn capped(&self, points_m: &[DVec3]) -> ClosedSurface {
         let mut surface = ClosedSurface { points_m: points_m.to_vec(), triangles: self.triangles.clone() };
         for corners in self.holes.iter().filter(|corners| corners.len() > 2) {
+            if let &[a, b, c] = corners.as_slice() {
+                surface.triangles.push([c, b, a]);
+                continue;
+            }
             let middle = surface.points_m.len();
             surface.points_m.push(middle_m(corners, points_m));
             surface.triangles.extend(rim(corners).map(|(from, to)| [to, from, middle]));
@@ -70,13 +76,13 @@ impl OpenParts {
         surface
     }
 
-    /// Share of the caps in the area of the triangles.
+    /// Share of fans on the holes in the area of the triangles.
     pub(super) fn cap_share(&self, points_m: &[DVec3]) -> f64 {
-        let caps: f64 = self.caps.iter().copied().map(double_area).sum();
+        let caps: f64 = fans(&self.holes, points_m).into_iter().map(double_area).sum();
         caps / self.triangles.iter().map(|t| double_area(t.map(|point| points_m[point]))).sum::<f64>()
     }
 
-    /// Twice the volume per area of the surface with its caps: the thickness of a wall.
+    /// Twice the volume per area of the surface with fans on its holes: the thickness of a wall.
     pub(super) fn mean_thickness_m(&self, points_m: &[DVec3]) -> f64 {
         let ClosedSurface { points_m, triangles } = self.capped(points_m);
         let double_areas = triangles.iter().map(|t| double_area(t.map(|point| points_m[point])));
@@ -91,14 +97,14 @@ fn double_area([a, b, c]: [DVec3; 3]) -> f64 {
 /// Part of every triangle, the number of parts, and whether each triangle is turned so that it agrees with the first of its part. Edges
 /// of exactly two triangles connect; on a one-sided part the first path decides.
 fn connect(sides: &[Side], triangle_count: usize) -> (Vec<usize>, usize, Vec<bool>) {
-    let mut neighbours = vec![[None; 3]; triangle_count];
+    let mut neighbours = vec![[None::<(u32, bool)>; 3]; triangle_count];
     for edge in sides.chunk_by(|a, b| a.edge == b.edge) {
         if let [a, b] = edge {
             let agrees = a.is_up != b.is_up;
             for (own, other) in [(a, b), (b, a)] {
                 if let Some(free) = neighbours[own.triangle as usize].iter_mut().find(|entry| entry.is_none())
                 {
-                    *free = Some((other.triangle as usize, agrees));
+                    *free = Some((other.triangle, agrees));
                 }
             }
         }
@@ -113,6 +119,7 @@ fn connect(sides: &[Side], triangle_count: usize) -> (Vec<usize>, usize, Vec<boo
         let mut front = vec![start];
         while let Some(triangle) = front.pop() {
             for &(other, agrees) in neighbours[triangle].iter().flatten() {
+                let other = other as usize;
                 if part[other] == usize::MAX {
                     (part[other], turned[other]) = (part_count, turned[triangle] == agrees);
                     front.push(other);
@@ -126,27 +133,39 @@ fn connect(sides: &[Side], triangle_count: usize) -> (Vec<usize>, usize, Vec<boo
 
 /// Whether each part is to be turned, so that it faces outward, or inward if it is a cavity of another part: a part whose orientation as
 /// given is opposite to that of the smallest part around it.
-fn parts_to_turn(parts: &[Vec<[usize; 3]>], points_m: &[DVec3]) -> Vec<bool> {
-    let corners = |t: &[usize; 3]| t.map(|point| points_m[point]);
-    let shapes: Vec<Shape> = parts
-        .iter()
-        .map(|triangles| {
-            let caps = caps(&boundary_loops(triangles), points_m);
-            let all = || triangles.iter().map(corners).chain(caps.iter().copied());
+/// `open` has the open edges of each part, sorted by part.
+fn parts_to_turn(
+    parts: &TrianglesOfParts<'_>,
+    open: &[((usize, usize), usize)],
+    points_m: &[DVec3],
+) -> Vec<bool> {
+    let corners = |t: [usize; 3]| t.map(|point| points_m[point]);
+    let of_parts = open.iter().map(|&((from, to), part)| ((part, from), (part, to)));
+    // Sorted by part, as the edges are.
+    let loops = boundary_loops(of_parts.collect());
+    let mut rest = loops.as_slice();
+    let shapes: Vec<Shape> = (0..parts.count())
+        .map(|part| {
+            let (own, later) = rest.split_at(rest.iter().take_while(|corners| corners[0].0 == part).count());
+            rest = later;
+            let own: Vec<Vec<usize>> =
+                own.iter().map(|corners| corners.iter().map(|(_, point)| *point).collect()).collect();
+            let fans = fans(&own, points_m);
+            let all = || parts.of(part).map(corners).chain(fans.iter().copied());
             let of_origin = || all().map(|[a, b, c]| a.dot(b.cross(c)) / 6.0);
             let (sum, rounding) =
                 (of_origin().sum::<f64>(), ROUNDING * of_origin().map(f64::abs).sum::<f64>());
             let volume_m3 = if sum.abs() > rounding { sum } else { 0.0 };
             let low_m = all().flatten().fold(DVec3::INFINITY, DVec3::min);
             let high_m = all().flatten().fold(DVec3::NEG_INFINITY, DVec3::max);
-            Shape { volume_m3, bounds_m: (low_m, high_m), first_m: corners(&triangles[0]) }
+            Shape { volume_m3, bounds_m: (low_m, high_m), first_m: all().next().unwrap_or_default() }
         })
         .collect();
-    let mut order: Vec<usize> = (0..parts.len()).collect();
+    let mut order: Vec<usize> = (0..parts.count()).collect();
     order.sort_by(|&a, &b| shapes[b].volume_m3.abs().total_cmp(&shapes[a].volume_m3.abs()).then(a.cmp(&b)));
     // Trees of the parts that may contain others.
     let mut trees: BTreeMap<usize, WindingTree> = BTreeMap::new();
-    let mut faces_out = vec![true; parts.len()];
+    let mut faces_out = vec![true; parts.count()];
     let mut examined = 0;
     for (rank, &own) in order.iter().enumerate() {
         let [a, b, c] = shapes[own].first_m;
@@ -163,7 +182,7 @@ fn parts_to_turn(parts: &[Vec<[usize; 3]>], points_m: &[DVec3]) -> Vec<bool> {
             }
             let tree = trees
                 .entry(other)
-                .or_insert_with(|| WindingTree::new(parts[other].iter().map(corners).collect()));
+                .or_insert_with(|| WindingTree::new(parts.of(other).map(corners).collect()));
             if tree.winding(place_m).abs() > 0.5 {
                 // Later parts are smaller.
                 container = Some(other);
@@ -174,7 +193,7 @@ fn parts_to_turn(parts: &[Vec<[usize; 3]>], points_m: &[DVec3]) -> Vec<bool> {
             !(is_opposite && faces_out[other])
         });
     }
-    (0..parts.len())
+    (0..parts.count())
         .map(|part| (shapes[part].volume_m3 < 0.0) == faces_out[part] && shapes[part].volume_m3 != 0.0)
         .collect()
 }
@@ -194,37 +213,109 @@ struct Shape {
 const MAX_CONTAINERS: usize = 1000;
 const MAX_EXAMINED: usize = 20_000;
 
-/// Closed loops of the directed edges that `triangles` leave without an opposite.
-fn boundary_loops(triangles: &[[usize; 3]]) -> Vec<Vec<usize>> {
-    // Open edges that leave each point. As many enter it.
-    let mut leaving: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for ((from, to), ()) in open_edges(triangles.iter().map(|t| (*t, ()))) {
-        leaving.entry(from).or_default().push(to);
+/// Triangles, sorted by their part.
+struct TrianglesOfParts<'a> {
+    triangles: &'a [[usize; 3]],
+    sorted: Vec<u32>,
+    /// Triangles of part i: `sorted[first[i]..first[i + 1]]`.
+    first: Vec<usize>,
+}
+
+impl<'a> TrianglesOfParts<'a> {
+    fn new(triangles: &'a [[usize; 3]], part: &[usize], part_count: usize) -> Self {
+        let mut first = vec![0; part_count + 1];
+        part.iter().for_each(|part| first[part + 1] += 1);
+        for part in 0..part_count {
+            first[part + 1] += first[part];
+        }
+        let (mut next, mut sorted) = (first.clone(), vec![0; triangles.len()]);
+        for (triangle, &part) in part.iter().enumerate() {
+            sorted[next[part]] = triangle as u32;
+            next[part] += 1;
+        }
+        Self { triangles, sorted, first }
     }
+
+    fn count(&self) -> usize {
+        self.first.len() - 1
+    }
+
+    /// The triangles of `part`, in their order.
+    fn of(&self, part: usize) -> impl Iterator<Item = [usize; 3]> {
+        self.sorted[self.first[part]..self.first[part + 1]]
+            .iter()
+            .map(|&triangle| self.triangles[triangle as usize])
+    }
+}
+
+/// Closed loops of the directed edges `leaving`, of which as many enter each point as leave it. Loops are sorted by the point where the path
+/// through them starts.
+fn boundary_loops<P: Copy + Ord>(mut leaving: Vec<(P, P)>) -> Vec<Vec<P>> {
+    // Of those that leave a point, the last one that is not yet used comes next.
+    leaving.sort_by_key(|(from, _)| *from);
+    let starts: Vec<P> = leaving.chunk_by(|a, b| a.0 == b.0).map(|edges| edges[0].0).collect();
+    let ends: Vec<usize> = leaving
+        .chunk_by(|a, b| a.0 == b.0)
+        .scan(0, |end, edges| {
+            *end += edges.len();
+            Some(*end)
+        })
+        .collect();
+    let mut unused = ends.clone();
+    // Index in the path of each point of it.
+    let mut place = vec![None; starts.len()];
     let mut loops = Vec::new();
-    let starts: Vec<usize> = leaving.keys().copied().collect();
-    for start in starts {
+    let mut path: Vec<usize> = Vec::new();
+    for start in 0..starts.len() {
         // The path ends at its start, with all loops through it. A loop is cut off where the path meets itself, so that loops are simple.
-        let (mut path, mut place) = (vec![start], BTreeMap::from([(start, 0)]));
-        while let Some(next) = path.last().and_then(|at| leaving.get_mut(at)).and_then(Vec::pop) {
-            if let Some(&from) = place.get(&next) {
-                let closed: Vec<usize> = path.drain(from + 1..).collect();
-                closed.iter().for_each(|point| {
-                    place.remove(point);
-                });
-                loops.push(std::iter::once(next).chain(closed).collect());
+        path.push(start);
+        place[start] = Some(0);
+        while let Some(&at) = path.last() {
+            let first = at.checked_sub(1).map_or(0, |before| ends[before]);
+            if unused[at] == first {
+                break;
+            }
+            unused[at] -= 1;
+            let Ok(next) = starts.binary_search(&leaving[unused[at]].1) else { break };
+            if let Some(from) = place[next] {
+                let closed = path.drain(from + 1..);
+                let corners = std::iter::once(next).chain(closed.inspect(|point| place[*point] = None));
+                loops.push(corners.map(|point| starts[point]).collect());
             } else {
-                place.insert(next, path.len());
+                place[next] = Some(path.len());
                 path.push(next);
             }
         }
+        path.drain(..).for_each(|point| place[point] = None);
     }
     loops
 }
 
-/// Fans around the middle of each loop, opposite to the loop's edges.
+/// Triangles on each loop, opposite to its edges: one between its first, middle and last point, and so on in both halves, so that most are as
+/// small as the edges.
 fn caps(loops: &[Vec<usize>], points_m: &[DVec3]) -> Vec<[DVec3; 3]> {
+    let mut caps = Vec::new();
+    let mut left = Vec::new();
+    for corners in loops.iter().filter(|corners| corners.len() > 2) {
+        left.push((0, corners.len() - 1));
+        while let Some((first, last)) = left.pop() {
+            if last - first < 2 {
+                continue;
+            }
+            let middle = usize::midpoint(first, last);
+            caps.push([last, middle, first].map(|corner| points_m[corners[corner]]));
+            left.extend([(first, middle), (middle, last)]);
+        }
+    }
+    caps
+}
+
+/// Fans around the middle of each loop, opposite to the loop's edges; a loop of three edges is one triangle.
+fn fans(loops: &[Vec<usize>], points_m: &[DVec3]) -> Vec<[DVec3; 3]> {
     let fan = |corners: &Vec<usize>| {
+        if let &[a, b, c] = corners.as_slice() {
+            return vec![[c, b, a].map(|point| points_m[point])];
+        }
         let middle_m = middle_m(corners, points_m);
         rim(corners).map(|(from, to)| [points_m[to], points_m[from], middle_m]).collect::<Vec<_>>()
     };

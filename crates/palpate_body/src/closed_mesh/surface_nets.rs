@@ -2,7 +2,7 @@
 
 use super::closed_surface::ClosedSurface;
 use super::winding_samples::WindingSamples;
-use crate::triangle_bvh::triangle_bvh;
+use crate::parallel;
 use crate::vertex_normals::vertex_normals;
 use glam::DVec3;
 use parry3d_f64::partitioning::{Bvh, BvhNode};
@@ -15,19 +15,24 @@ const MAX_MOVE: f64 = 1.0;
 const RELAXATIONS: usize = 3;
 
 /// The boundary of the samples with a winding number beyond 1/2 (S. F. F. Gibson, MICCAI 98, LNCS 1496, 888): a point in each cube of eight samples
-/// that differ, a quadrilateral across each edge between two samples that do. Points move onto `triangles` that face the same way, if any are
+/// that differ, a quadrilateral across each edge between two samples that do. Points move onto the triangles with these `corners`, and boxes in `bvh`, that face the same way, if any are
 /// near; elsewhere, across holes, they lie where the winding number is interpolated to 1/2.
-pub(super) fn enclose(samples: &WindingSamples, triangles: &[[DVec3; 3]]) -> ClosedSurface {
+pub(super) fn enclose(
+    samples: &WindingSamples,
+    corners: &(impl Fn(usize) -> [DVec3; 3] + Sync),
+    bvh: &Bvh,
+) -> ClosedSurface {
     let mut surface = extract(samples);
-    let mesh = Nearest::new(triangles);
+    let max_m = MAX_MOVE * samples.spacing_m;
     for _ in 0..RELAXATIONS {
         relax(&mut surface);
         let normals = vertex_normals(&surface.triangles, &surface.points_m);
-        for (x, normal) in surface.points_m.iter_mut().zip(normals) {
-            if let Some(on_mesh) = mesh.nearest(*x, normal, MAX_MOVE * samples.spacing_m) {
-                *x = on_mesh;
-            }
-        }
+        let points_m = &surface.points_m;
+        let moved = |point: usize| {
+            let x = points_m[point];
+            nearest(bvh, corners, x, normals[point], max_m).unwrap_or(x)
+        };
+        surface.points_m = parallel::map_ranges(points_m.len(), |range| range.map(moved).collect());
     }
     surface
 }
@@ -113,29 +118,25 @@ fn relax(surface: &mut ClosedSurface) {
     }
 }
 
-/// Triangles for the search of the nearest one.
-struct Nearest<'a> {
-    triangles: &'a [[DVec3; 3]],
-    bvh: Bvh,
-}
-
-impl<'a> Nearest<'a> {
-    fn new(triangles: &'a [[DVec3; 3]]) -> Self {
-        Self { triangles, bvh: triangle_bvh(triangles.iter().copied()) }
-    }
-
-    /// The nearest point of a triangle that faces along `normal`, within `max_m`.
-    fn nearest(&self, x_m: DVec3, normal: DVec3, max_m: f64) -> Option<DVec3> {
-        let found = self.bvh.find_best(
-            max_m,
-            |node: &BvhNode, _| node.aabb().distance_to_local_point(x_m, true),
-            |leaf, _| {
-                let [a, b, c] = self.triangles[leaf as usize];
-                let faces_along = (b - a).cross(c - a).dot(normal) > 0.0;
-                let on_m = Triangle::new(a, b, c).project_local_point(x_m, false).point;
-                faces_along.then(|| (on_m.distance(x_m), on_m))
-            },
-        );
-        found.map(|(_, (_, on_m))| on_m)
-    }
+/// The nearest point of a triangle that faces along `normal`, within `max_m`.
+fn nearest(
+    bvh: &Bvh,
+    corners: &impl Fn(usize) -> [DVec3; 3],
+    x_m: DVec3,
+    normal: DVec3,
+    max_m: f64,
+) -> Option<DVec3> {
+    let found = bvh.find_best(
+        max_m,
+        |node: &BvhNode, _| node.aabb().distance_to_local_point(x_m, true),
+        |leaf, _| {
+            let [a, b, c] = corners(leaf as usize);
+            if (b - a).cross(c - a).dot(normal) <= 0.0 {
+                return None;
+            }
+            let on_m = Triangle::new(a, b, c).project_local_point(x_m, false).point;
+            Some((on_m.distance(x_m), on_m))
+        },
+    );
+    found.map(|(_, (_, on_m))| on_m)
 }

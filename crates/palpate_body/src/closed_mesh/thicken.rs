@@ -1,48 +1,50 @@
 //! Sheets with a thickness.
 
-use super::edges::open_edges;
+use super::closed_surface::ClosedSurface;
+use super::edges::{open_edges, sides};
 use super::geometry::TOLERANCE;
 use super::open_parts::OpenParts;
 use glam::DVec3;
-use std::collections::BTreeMap;
-
-/// Triangles with their points, m.
-pub(super) struct Thickened {
-    pub points_m: Vec<DVec3>,
-    pub triangles: Vec<[usize; 3]>,
-}
 
 /// Gives the open parts among `parts` a thickness: their triangles once on either side, half of `thickness_m` away along the normals of the
 /// points, and a wall along every open edge. Closed parts stay as they are.
-pub(super) fn thicken(parts: &OpenParts, points_m: &[DVec3], thickness_m: f64) -> Thickened {
+pub(super) fn thicken(parts: &OpenParts, points_m: &[DVec3], thickness_m: f64) -> ClosedSurface {
     let mut is_open = vec![false; parts.part_count];
-    let edges = open_edges(parts.triangles.iter().copied().zip(parts.part.iter().copied()));
+    let edges = open_edges(&sides(&parts.triangles), |triangle| parts.part[triangle], |_| false);
     edges.iter().for_each(|(_, part)| is_open[*part] = true);
     // Points of a part at which another part begins move with their own part.
-    let mut normals: BTreeMap<(usize, usize), DVec3> = BTreeMap::new();
-    for (t, &part) in parts.triangles.iter().zip(&parts.part).filter(|(_, part)| is_open[**part]) {
+    let open = || parts.triangles.iter().zip(&parts.part).filter(|(_, part)| is_open[**part]);
+    let mut moved: Vec<(u32, u32)> =
+        open().flat_map(|(t, part)| t.map(|point| (*part as u32, point as u32))).collect();
+    moved.sort_unstable();
+    moved.dedup();
+    let index =
+        |part: usize, point: usize| moved.binary_search(&(part as u32, point as u32)).unwrap_or_default();
+    let mut normals = vec![DVec3::ZERO; moved.len()];
+    for (t, &part) in open() {
         let [a, b, c] = t.map(|point| points_m[point]);
         let area = (b - a).cross(c - a);
-        t.iter().for_each(|&point| *normals.entry((part, point)).or_insert(DVec3::ZERO) += area);
+        t.iter().for_each(|&point| normals[index(part, point)] += area);
     }
-    let mut made = Thickened { points_m: points_m.to_vec(), triangles: Vec::new() };
-    let mut sides: BTreeMap<(usize, usize), [usize; 2]> = BTreeMap::new();
-    for (&(part, point), normal) in &normals {
-        let step_m = 0.5 * thickness_m * normal.normalize_or_zero();
-        let first = made.points_m.len();
-        made.points_m.extend([points_m[point] + step_m, points_m[point] - step_m]);
-        sides.insert((part, point), [first, first + 1]);
+    let mut made = ClosedSurface { points_m: points_m.to_vec(), triangles: Vec::new() };
+    for (&(_, point), normal) in moved.iter().zip(normals) {
+        let (at_m, step_m) = (points_m[point as usize], 0.5 * thickness_m * normal.normalize_or_zero());
+        made.points_m.extend([at_m + step_m, at_m - step_m]);
     }
+    let sides_of = |part: usize, point: usize| {
+        let first = points_m.len() + 2 * index(part, point);
+        [first, first + 1]
+    };
     for (&t, &part) in parts.triangles.iter().zip(&parts.part) {
         if !is_open[part] {
             made.triangles.push(t);
             continue;
         }
-        let [a, b, c] = t.map(|point| sides[&(part, point)]);
+        let [a, b, c] = t.map(|point| sides_of(part, point));
         made.triangles.extend([[a[0], b[0], c[0]], [a[1], c[1], b[1]]]);
     }
     for ((a, b), part) in edges {
-        let [a, b] = [a, b].map(|point| sides[&(part, point)]);
+        let [a, b] = [a, b].map(|point| sides_of(part, point));
         made.triangles.extend([[b[0], a[0], a[1]], [b[0], a[1], b[1]]]);
     }
     made

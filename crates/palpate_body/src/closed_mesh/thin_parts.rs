@@ -61,7 +61,7 @@ impl ClosedMesh {
         let finest_m = 2.0 * self.half_size_m().max_element() / MAX_SAMPLES_ALONG;
         let spacing_m = (cell_m / SAMPLES_ALONG_CELL).max(finest_m);
         let corners = self.closed_triangles().iter().map(|t| t.map(|point| self.enclosing_points_m()[point]));
-        let samples = WindingSamples::new(corners, &[], self.half_size_m(), spacing_m);
+        let samples = WindingSamples::of_closed(corners, self.half_size_m(), spacing_m);
         let is_inside = |sample: usize| surface_nets::is_inside(samples.winding[sample]);
         let cell = cell_m / spacing_m;
         let to_outside = squared_distances(samples.counts, |sample| !is_inside(sample));

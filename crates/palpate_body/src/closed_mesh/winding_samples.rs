@@ -1,5 +1,6 @@
 //! Samples of the winding number on a grid.
 
+use super::MeshError;
 use super::inside::{UNITS, row_crossing};
 use super::winding_tree::WindingTree;
 use crate::parallel;
@@ -28,35 +29,56 @@ const NEAR_CAPS: f64 = 0.15;
 /// Distance from a cap, in blocks, up to which it is near. Beyond it the interpolated number errs by less than a hundredth, as that of a half
 /// plane: h²/(8 · 2π r²) for each of two directions, with h = 1 and r = 1.5 blocks.
 const NEAR_BLOCKS: f64 = 1.5;
-/// Maximum number of terms of the winding numbers of caps, beyond which the samples are further apart: some seconds of one processor. Ratio of
-/// successive spacings, maximum ratio to the given one, and number of blocks at which the terms are counted.
+/// Maximum number of terms of the winding numbers of caps, beyond which the samples are further apart, about a second of one processor; and
+/// beyond which the mesh is rejected. Ratio of successive spacings, maximum ratio to the given one, and number of blocks at which the terms are
+/// counted.
 const MAX_CAP_TERMS: f64 = 5e7;
+const TOO_MANY_CAP_TERMS: f64 = 2e9;
 const COARSER: f64 = 1.25;
 const MAX_COARSER: f64 = 4.0;
 const EXAMINED_BLOCKS: usize = 256;
+/// Area of the caps per block, in sides of a block, beyond which all blocks count as near a cap.
+const MAX_COVER: f64 = 16.0;
 
 impl WindingSamples {
     /// Samples `triangles`, whose corners lie within ±`half_size_m`, at points about `spacing_m` apart, or up to four times as far if the caps
     /// would take too long.
+    ///
+    /// # Errors
+    /// [`MeshError::Tangled`] if they would even so.
     pub(super) fn new(
         triangles: impl Iterator<Item = [DVec3; 3]>,
         caps: &[[DVec3; 3]],
         half_size_m: DVec3,
         spacing_m: f64,
-    ) -> Self {
+    ) -> Result<Self, MeshError> {
+        if caps.is_empty() {
+            return Ok(Self::of_closed(triangles, half_size_m, spacing_m));
+        }
         let tree = WindingTree::new(caps.to_vec());
         let mut samples = Self::empty(half_size_m, spacing_m);
-        let mut near = samples.blocks_near(caps);
-        while !tree.is_empty()
-            && COARSER * samples.spacing_m <= MAX_COARSER * spacing_m
-            && samples.cap_terms(&tree, &near) > MAX_CAP_TERMS
-        {
+        let (mut near, mut terms) = samples.near_caps(caps, &tree);
+        while terms > MAX_CAP_TERMS && COARSER * samples.spacing_m <= MAX_COARSER * spacing_m {
             samples = Self::empty(half_size_m, COARSER * samples.spacing_m);
-            near = samples.blocks_near(caps);
+            (near, terms) = samples.near_caps(caps, &tree);
         }
-        samples.winding = vec![0.0; samples.counts.iter().product()];
+        if terms > TOO_MANY_CAP_TERMS {
+            return Err(MeshError::Tangled { pairs: TOO_MANY_CAP_TERMS as usize });
+        }
         samples.count_crossings(triangles.chain(caps.iter().copied()), half_size_m);
         samples.subtract_caps(&tree, &near);
+        samples.clear_outermost();
+        Ok(samples)
+    }
+
+    /// Samples closed `triangles`, as [`WindingSamples::new`].
+    pub(super) fn of_closed(
+        triangles: impl Iterator<Item = [DVec3; 3]>,
+        half_size_m: DVec3,
+        spacing_m: f64,
+    ) -> Self {
+        let mut samples = Self::empty(half_size_m, spacing_m);
+        samples.count_crossings(triangles, half_size_m);
         samples.clear_outermost();
         samples
     }
@@ -66,6 +88,13 @@ impl WindingSamples {
         let counts = (2.0 * half_size_m / spacing_m).to_array().map(|along| along.ceil() as usize + 3);
         let extent_m = spacing_m * DVec3::from_array(counts.map(|n| (n - 1) as f64));
         Self { counts, spacing_m, first_m: -0.5 * extent_m, winding: Vec::new() }
+    }
+
+    /// The blocks near a cap, and the number of terms of the winding numbers of the caps.
+    fn near_caps(&self, caps: &[[DVec3; 3]], tree: &WindingTree) -> (Vec<bool>, f64) {
+        let near = self.blocks_near(caps);
+        let terms = self.cap_terms(tree, &near);
+        (near, terms)
     }
 
     /// Number of blocks along each axis.
@@ -100,10 +129,11 @@ impl WindingSamples {
         self.first_m + self.spacing_m * DVec3::new(i as f64, j as f64, k as f64)
     }
 
-    /// Adds the signed number of triangles that a ray from each point along +x crosses.
+    /// Sets the winding numbers to the signed number of triangles that a ray from each point along +x crosses.
     fn count_crossings(&mut self, triangles: impl Iterator<Item = [DVec3; 3]>, half_size_m: DVec3) {
         // Crossings between a point and the next one, at the point.
-        let mut after = vec![0_i64; self.winding.len()];
+        let total = self.counts.iter().product();
+        let mut after = vec![0_i32; total];
         let unit_m = half_size_m.max_element() / UNITS;
         let whole = |x: f64| (x / unit_m).round() as i64;
         let in_points = |x_m: f64, axis: usize| (x_m - self.first_m[axis]) / self.spacing_m;
@@ -121,11 +151,12 @@ impl WindingSamples {
                     let Some((sign, x)) = row_crossing(&t, [whole(at_m.y), whole(at_m.z)]) else { continue };
                     let points = in_points(x * unit_m, 0).ceil().clamp(0.0, self.counts[0] as f64) as usize;
                     if points > 0 {
-                        after[self.index([points - 1, j, k])] += sign;
+                        after[self.index([points - 1, j, k])] += sign as i32;
                     }
                 }
             }
         }
+        self.winding = vec![0.0; total];
         for row in 0..self.counts[1] * self.counts[2] {
             let mut sum = 0;
             for point in (row * self.counts[0]..(row + 1) * self.counts[0]).rev() {
@@ -135,11 +166,18 @@ impl WindingSamples {
         }
     }
 
-    /// Whether each block, x fastest, has a cap within [`NEAR_BLOCKS`]. Caps are halved until they are as small as a block.
+    /// Whether each block, x fastest, has a cap within [`NEAR_BLOCKS`]. Caps are halved until they are as small as a block. If their area is many
+    /// times that of the blocks, all count as near.
     fn blocks_near(&self, caps: &[[DVec3; 3]]) -> Vec<bool> {
         let blocks = self.blocks();
         let mut is_near = vec![false; blocks.iter().product()];
         let block_m = BLOCK as f64 * self.spacing_m;
+        let double_area = |[a, b, c]: &[DVec3; 3]| (b - a).cross(c - a).length();
+        let area_m2 = 0.5 * caps.iter().map(double_area).sum::<f64>();
+        if area_m2 > MAX_COVER * block_m * block_m * is_near.len() as f64 {
+            is_near.fill(true);
+            return is_near;
+        }
         let mut left: Vec<[DVec3; 3]> = Vec::new();
         for cap in caps {
             left.push(cap.map(|x| (x - self.first_m) / block_m));

@@ -72,7 +72,7 @@ impl WindingTree {
             sum += if is_far {
                 group.solid_angle(group.center_m - place_m)
             } else {
-                self.triangles[group.begin..group.end].iter().map(|t| solid_angle(t, place_m)).sum::<f64>()
+                solid_angle(&self.triangles[group.begin..group.end], place_m)
             };
         });
         sum / (2.0 * TAU)
@@ -141,11 +141,27 @@ impl Group {
     }
 }
 
-/// Signed solid angle of a triangle seen from `from_m` (A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125):
-/// positive if it faces away.
-fn solid_angle(triangle: &[DVec3; 3], from_m: DVec3) -> f64 {
-    let [a, b, c] = triangle.map(|x| x - from_m);
-    let [la, lb, lc] = [a, b, c].map(DVec3::length);
-    let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
-    2.0 * a.dot(b.cross(c)).atan2(below)
+/// Sum of the signed solid angles of triangles seen from `from_m` (A. van Oosterom and J. Strackee, IEEE Trans. Biomed. Eng. 30 (1983) 125):
+/// positive for a triangle that faces away. Half of each is the argument of a complex number. Numbers are multiplied as long as the sum of their
+/// arguments is unambiguous, because a product takes much less time than an argument.
+fn solid_angle(triangles: &[[DVec3; 3]], from_m: DVec3) -> f64 {
+    let mut sum = 0.0;
+    let (mut re, mut im) = (1.0_f64, 0.0_f64);
+    for triangle in triangles {
+        let [a, b, c] = triangle.map(|x| x - from_m);
+        let [la, lb, lc] = [a, b, c].map(DVec3::length);
+        let below = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb;
+        let above = a.dot(b.cross(c));
+        // Two arguments below π/2 have a sum below π.
+        if re > 0.0 && below > 0.0 && re.abs() + im.abs() > TINY {
+            (re, im) = (re * below - im * above, re * above + im * below);
+        } else {
+            sum += 2.0 * im.atan2(re);
+            (re, im) = (below, above);
+        }
+    }
+    sum + 2.0 * im.atan2(re)
 }
+
+/// Magnitude of a product far above that at which it loses digits.
+const TINY: f64 = 1e-200;

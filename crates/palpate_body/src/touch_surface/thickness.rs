@@ -1,20 +1,21 @@
 //! Thickness of what a surface encloses.
 
 use crate::parallel;
-use crate::triangle_bvh::triangle_bvh;
 use glam::DVec3;
+use parry3d_f64::partitioning::Bvh;
 use parry3d_f64::query::{Ray, RayCast};
 use parry3d_f64::shape::Triangle;
 
 /// Length of the line from each point against its normal to where it leaves the closed surface, at most `max_m`.
+/// `bvh` has the boxes of the triangles.
 pub(super) fn thickness_m(
+    bvh: &Bvh,
     triangles: &[[usize; 3]],
     points_m: &[DVec3],
     normals: &[DVec3],
     max_m: f64,
 ) -> Vec<f64> {
     let corners = |t: &[usize; 3]| t.map(|point| points_m[point]);
-    let bvh = triangle_bvh(triangles.iter().map(corners));
     let along = |point: usize| {
         let inward = -normals[point];
         let ray = Ray::new(points_m[point], inward);

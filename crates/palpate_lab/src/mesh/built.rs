@@ -4,8 +4,8 @@ use super::arguments::Mesh;
 use crate::error::LabError;
 use crate::multirate::ms_since;
 use palpate_body::{
-    Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, JoinOptions, JoinedMesh, MeshBody, MeshCells,
-    MeshClosing, MeshError, MeshPart, PieceSelection, SemiImplicitEuler, Tissue,
+    Body, BodyError, CellSize, ClosedMesh, Face, JoinOptions, JoinedMesh, MeshBody, MeshCells, MeshClosing,
+    MeshError, MeshPart, PieceSelection, SemiImplicitEuler, Tissue,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::time::Instant;
@@ -64,13 +64,12 @@ fn build(part: MeshPart, options: &Mesh, scale_m: f64, start: Instant) -> Result
     let cells = options.cells.map_or_else(CellSize::default, CellSize::Along);
     let joined =
         JoinedMesh::new(&[part], JoinOptions { scale_m, closing, pieces, cells }).map_err(BodyError::from)?;
-    let JoinedMesh { mesh: closed, piece_count, piece_share, cells, .. } = joined;
     let tissue = Tissue {
         youngs_modulus_pa: options.youngs_pa,
         density_kg_per_m3: DENSITY_KG_PER_M3,
         damping_ratio: DAMPING_RATIO,
     };
-    let lattice = CellLattice::fit(&closed, cells).map_err(BodyError::from)?;
+    let lattice = joined.lattice().map_err(BodyError::from)?;
     let MeshBody { network, surface, cells, deviation_m, .. } =
         lattice.fix_base(Face::NegY, BASE).tissue(&tissue)?;
     let body = Body::new(network, surface)?;
@@ -78,6 +77,7 @@ fn build(part: MeshPart, options: &Mesh, scale_m: f64, start: Instant) -> Result
     SemiImplicitEuler::default().substeps(&body)?;
     let builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body))?;
     let build_ms = ms_since(start);
+    let JoinedMesh { mesh: closed, piece_count, piece_share, .. } = joined;
     Ok(BuiltMesh { closed, piece_count, piece_share, cells, deviation_m, body, builder, build_ms })
 }
 

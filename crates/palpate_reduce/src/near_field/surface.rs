@@ -6,7 +6,7 @@ use glam::DVec3;
 use palpate_body::{Body, Grid, ToolContact};
 use palpate_laws::{MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, SurfacePlace};
 use palpate_local::{LocalModelError, NearField, NearPatch, NearPoint, NearTriangle};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Maximum distance of a triangle from the tool, m: a tool at 15 m/s travels it in 0.1 s.
 const MAX_DISTANCE_M: f64 = 1.5;
@@ -39,7 +39,7 @@ pub(super) fn write(
         support.nodes.iter().chain(ring).enumerate().map(|(index, &node)| (node, index)).collect();
     let surface = body.contact_surface();
     let capacity = field.capacity();
-    // The triangles of S come first: they must fit. Then those nearest to the tool, which it may reach before the next hand-over.
+    // The triangles of S, which must fit, then those nearest to the tool, which it may reach before the next hand-over.
     let mut triangles = support.triangles.clone();
     let points_m: Vec<DVec3> = surface.points().iter().map(|point| point.of(x)).collect();
     let centroid = |triangle: usize| -> DVec3 {
@@ -53,23 +53,32 @@ pub(super) fn write(
         .collect();
     near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     triangles.extend(near.into_iter().map(|(_, triangle)| triangle).take(capacity.triangles));
-    let mut local_point: HashMap<usize, usize> = HashMap::new();
-    let mut local_triangle: HashMap<usize, u32> = HashMap::new();
-    for triangle in triangles {
+    let mut points: HashSet<usize> = HashSet::new();
+    let mut chosen: Vec<(usize, bool)> = Vec::new();
+    for (rank, triangle) in triangles.into_iter().enumerate() {
         let corners = surface.triangles()[triangle];
-        let new = corners.iter().filter(|point| !local_point.contains_key(point)).count();
-        let is_of_support = field.triangles < support.triangles.len();
-        let mut nodes = corners.iter().flat_map(|&point| surface.points()[point].nodes());
-        let is_reachable = is_of_support || nodes.all(|(node, _)| body.network().is_fixed(*node));
-        if field.triangles == capacity.triangles || field.points + new > capacity.points {
+        let new = corners.iter().filter(|point| !points.contains(point)).count();
+        let is_of_support = rank < support.triangles.len();
+        if chosen.len() == capacity.triangles || points.len() + new > capacity.points {
             if is_of_support {
-                let (found, capacity) = (field.points + new, capacity.points);
+                let (found, capacity) = (points.len() + new, capacity.points);
                 return Err(
                     LocalModelError::Capacity { what: "points of the surface", found, capacity }.into()
                 );
             }
             continue;
         }
+        points.extend(corners);
+        chosen.push((triangle, is_of_support));
+    }
+    // Of places on a common edge both sides choose the triangle with the lower number, so the order is that of the body.
+    chosen.sort_unstable();
+    let mut local_point: HashMap<usize, usize> = HashMap::new();
+    let mut local_triangle: HashMap<usize, u32> = HashMap::new();
+    for (triangle, is_of_support) in chosen {
+        let corners = surface.triangles()[triangle];
+        let mut nodes = corners.iter().flat_map(|&point| surface.points()[point].nodes());
+        let is_reachable = is_of_support || nodes.all(|(node, _)| body.network().is_fixed(*node));
         let points = corners.map(|point| {
             *local_point.entry(point).or_insert_with(|| {
                 let mut to = NearPoint {
