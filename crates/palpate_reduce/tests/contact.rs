@@ -120,3 +120,23 @@ fn fast_tool_from_far_away_is_displayed_in_the_tick_of_first_contact() {
         }
     }
 }
+
+#[test]
+fn contact_above_an_edge_matches_the_oracle() {
+    // The ball's middle lies above the edge of two faces, so that rounding decides which of them is nearer.
+    let body = block(6, DQuat::IDENTITY);
+    for offset in [-1e-12, 0.0, 1e-12] {
+        for (edge, aside) in [(DVec3::new(1.0, 0.26, 1.0), DVec3::X), (DVec3::ONE, DVec3::new(1.0, 1.0, 0.0))] {
+            for out in [DVec3::Z, (DVec3::Z + 0.1 * aside).normalize()] {
+                let path = samples(400, |t| {
+                    let slide = 0.01 * (t - 0.2).max(0.0) * DVec3::NEG_Y;
+                    let depth = 0.004 * (t / 0.2).min(1.0) - 5e-4;
+                    0.05 * edge + offset * DVec3::X + (0.005 - depth) * out + slide
+                });
+                let comparison = compare(&body, &ball(0.005, 0.3), &path, LocalIntegrator::Explicit);
+                let error = comparison.relative_rms_error(NEAR, 100).unwrap();
+                assert!(error < 0.002, "{error} with {offset} at {edge} along {out}");
+            }
+        }
+    }
+}
