@@ -20,8 +20,6 @@ pub struct Seed {
     pub normal: DVec3,
     /// Unit normal of the triangle at rest.
     pub rest_normal: DVec3,
-    /// Cosine between that normal and the one of the triangle.
-    facing: f64,
     /// Sample of the path at which the place came within reach, and its distance then, m. Seeds are ordered by both.
     order: (u32, f64),
 }
@@ -37,10 +35,8 @@ const BEYOND_RADII: f64 = 2.0;
 const BEYOND_CELLS: f64 = 2.0;
 /// Two patches are the same if the cosine between their normals is above this value.
 const SAME_COSINE: f64 = 0.9;
-/// Distance of two seeds, in cells, up to which they are at the same place, and difference of two cosines that counts as zero: far above the
-/// differences between the body and its near field.
+/// Distance of two seeds, in cells, up to which they are at the same place.
 const SAME_PLACE_CELLS: f64 = 1e-5;
-const SAME_FACING: f64 = 1e-4;
 
 impl Seed {
     /// The seed on a triangle for a tool that moves straight from `from_m` to `to_m`. `None` if the tool's surface
@@ -83,9 +79,8 @@ impl Seed {
             let order = (if away <= 0.0 { sample } else { samples + 1 }, away);
             if best.is_none_or(|best| order < best.order) {
                 let place = SurfacePlace { triangle, weights };
-                let start = start_normal(shape, core - at_m, normal);
-                best =
-                    Some(Self { place, at_m, normal: start, rest_normal, facing: start.dot(normal), order });
+                let normal = start_normal(shape, core - at_m, normal);
+                best = Some(Self { place, at_m, normal, rest_normal, order });
             }
             if away <= 0.0 {
                 break;
@@ -103,14 +98,13 @@ impl Seed {
     }
 
     /// Whether this seed is ordered before `other`. Of two on a common edge or corner of their triangles, which have the same order up to
-    /// rounding, it is the one whose triangle faces more along the normal.
+    /// rounding, it is the one on the triangle with the lower number.
     fn is_before(&self, other: &Self, cell_m: f64) -> bool {
         let triangle = self.place.triangle < other.place.triangle;
         if self.at_m.distance(other.at_m) > SAME_PLACE_CELLS * cell_m {
             return self.order < other.order || self.order == other.order && triangle;
         }
-        let more = self.facing - other.facing;
-        if more.abs() > SAME_FACING { more > 0.0 } else { triangle }
+        triangle
     }
 
     /// Whether a contact here is separate from the patch `known`, which started on a triangle with the given rest
@@ -289,9 +283,6 @@ mod tests {
             assert_eq!(first_triangle(&seeds), 0);
             seeds.reverse();
             assert_eq!(first_triangle(&seeds), 0);
-            // A triangle that faces more along the normal comes first.
-            seeds[0].facing += 1e-3;
-            assert_eq!(first_triangle(&seeds), seeds[0].place.triangle);
         }
         // Elsewhere the nearer place comes first.
         let mut seeds = seeds;

@@ -126,7 +126,8 @@ fn contact_above_an_edge_matches_the_oracle() {
     // The ball's middle lies above the edge of two faces, so that rounding decides which of them is nearer.
     let body = block(6, DQuat::IDENTITY);
     for offset in [-1e-12, 0.0, 1e-12] {
-        for (edge, aside) in [(DVec3::new(1.0, 0.26, 1.0), DVec3::X), (DVec3::ONE, DVec3::new(1.0, 1.0, 0.0))] {
+        for (edge, aside) in [(DVec3::new(1.0, 0.26, 1.0), DVec3::X), (DVec3::ONE, DVec3::new(1.0, 1.0, 0.0))]
+        {
             for out in [DVec3::Z, (DVec3::Z + 0.1 * aside).normalize()] {
                 let path = samples(400, |t| {
                     let slide = 0.01 * (t - 0.2).max(0.0) * DVec3::NEG_Y;
