@@ -6,7 +6,6 @@ mod body_state_app;
 mod coupled_app;
 mod diagnostics_app;
 mod events_app;
-mod glb_app;
 mod grasped_app;
 mod hid_app;
 mod invalid_app;

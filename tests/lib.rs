@@ -2,6 +2,7 @@
 
 pub mod glb;
 pub mod mesh;
+pub mod mesh_files;
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

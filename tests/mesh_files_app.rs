@@ -1,87 +1,26 @@
 //! Bodies from mesh files of an asset source in memory, with loops in lock step.
 
-use bevy::asset::io::memory::{Dir, MemoryAssetReader};
-use bevy::asset::io::{AssetSourceBuilder, AssetSourceId};
 use bevy::asset::{AssetLoader, LoadState};
-use bevy::gltf::{Gltf, GltfPlugin};
-use bevy::image::ImagePlugin;
-use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
-use bevy::reflect::TypePath;
-use bevy::time::TimeUpdateStrategy;
-use bevy::world_serialization::WorldSerializationPlugin;
 use bevy_palpate::palpate_files::MeshSelection;
 use bevy_palpate::prelude::*;
 use bevy_palpate::testing::{wait_for_body, wait_for_rejection};
 use bevy_palpate::{
-    BodyRegion, HapticFaultKind, HapticSchedulePlugin, Inclusion, Inclusions, LoopMode, MeshCellSize,
-    MeshFault, MeshFileLoader, MeshFileSettings, MeshShape,
+    BodyRegion, HapticFaultKind, Inclusion, Inclusions, MeshCellSize, MeshFault, MeshFileLoader,
+    MeshFileSettings, MeshShape,
 };
-use palpate_tests::app::{assert_no_faults, collect_messages, step, take_kinds, update_until_done};
+use palpate_tests::app::{assert_no_faults, step, take_kinds, update_until_done};
 use palpate_tests::glb::glb;
 use palpate_tests::mesh::{BOX, body, cuboid};
+use palpate_tests::mesh_files::{Files, HALF, app_in, bounds, corners, folder, gltf_boxes, load};
 use std::fmt::Write;
 use std::path::Path;
-use std::time::Duration;
 
-/// Half of the box's sides, m: 80 × 40 × 40 mm, 128 g.
-const HALF: Vec3 = Vec3::new(0.04, 0.02, 0.02);
+/// Mass of the box, kg.
 const MASS_KG: f64 = 0.128;
 
-type Files<'a> = &'a [(&'a str, Vec<u8>)];
-
-/// A folder in memory. A file with the extension `meta` describes the file of the same name without it.
-fn folder(files: Files) -> Dir {
-    let root = Dir::default();
-    for (name, content) in files {
-        match name.strip_suffix(".meta") {
-            Some(name) => root.insert_meta(Path::new(name), content.clone()),
-            None => root.insert_asset(Path::new(name), content.clone()),
-        }
-    }
-    root
-}
-
-/// When an app gets Bevy's loader of glTF.
-#[derive(Clone, Copy)]
-enum BevyGltf {
-    Never,
-    BeforePalpate,
-    AfterPalpate,
-}
-
-/// An app whose assets are in `root`.
-fn app_in(root: &Dir, gltf: BevyGltf) -> App {
-    let mut app = App::new();
-    let root = root.clone();
-    app.register_asset_source(
-        AssetSourceId::Default,
-        AssetSourceBuilder::new(move || Box::new(MemoryAssetReader { root: root.clone() })),
-    );
-    let add_gltf = |app: &mut App| {
-        app.add_plugins((ImagePlugin::default(), WorldSerializationPlugin, GltfPlugin::default()));
-    };
-    app.add_plugins((MinimalPlugins, AssetPlugin::default(), MeshPlugin));
-    if matches!(gltf, BevyGltf::BeforePalpate) {
-        add_gltf(&mut app);
-    }
-    app.add_plugins(PalpatePlugins.set(HapticSchedulePlugin::default().with_mode(LoopMode::Lockstep)))
-        .insert_resource(TimeUpdateStrategy::ManualDuration(Duration::from_millis(50)));
-    if matches!(gltf, BevyGltf::AfterPalpate) {
-        add_gltf(&mut app);
-    }
-    collect_messages(&mut app);
-    app.finish();
-    app.cleanup();
-    app
-}
-
 fn app_of(files: Files) -> App {
-    app_in(&folder(files), BevyGltf::Never)
-}
-
-fn load(app: &App, path: &str) -> Handle<Mesh> {
-    app.world().resource::<AssetServer>().load(path.to_owned())
+    app_in(&folder(files), |_| {}, |_| {})
 }
 
 fn select(app: &App, path: &str, selection: MeshSelection) -> Handle<Mesh> {
@@ -99,24 +38,6 @@ fn mass_kg(app: &App, entity: Entity) -> f64 {
     body(app, entity).unwrap().body().network().mass_kg().iter().sum()
 }
 
-/// Updates until the mesh of `handle` is loaded; returns the centre and the size of its bounds.
-fn bounds(app: &mut App, handle: &Handle<Mesh>) -> (Vec3, Vec3) {
-    let is_loaded = |app: &mut App| app.world().resource::<Assets<Mesh>>().contains(handle);
-    let state = |app: &App| app.world().resource::<AssetServer>().load_state(handle);
-    assert!(update_until_done(app, is_loaded), "{:?}", state(app));
-    let mesh = app.world().resource::<Assets<Mesh>>().get(handle).unwrap();
-    let points: Vec<Vec3> = mesh
-        .attribute(Mesh::ATTRIBUTE_POSITION)
-        .and_then(|positions| positions.as_float3())
-        .unwrap()
-        .iter()
-        .map(|x| Vec3::from_array(*x))
-        .collect();
-    let corner = |pick: fn(Vec3, Vec3) -> Vec3| points.iter().copied().reduce(pick).unwrap();
-    let (low, high) = (corner(Vec3::min), corner(Vec3::max));
-    (0.5 * (low + high), high - low)
-}
-
 /// The reason why the body of the mesh at `path` is rejected, and the fault, which is reported once.
 fn rejection(app: &mut App, mesh: Handle<Mesh>) -> (String, MeshFault) {
     let entity = spawn(app, mesh);
@@ -127,13 +48,6 @@ fn rejection(app: &mut App, mesh: Handle<Mesh>) -> (String, MeshFault) {
         panic!("{kinds:?}, {reason}")
     };
     (reason, fault)
-}
-
-/// Corners of a box around `center`.
-fn corners(center: Vec3, half: Vec3) -> impl Iterator<Item = Vec3> {
-    (0..8).map(move |i| {
-        center + half * Vec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 1 { 1.0 } else { -1.0 }))
-    })
 }
 
 /// A box as OBJ: the material `shell`, and a smaller box in it of the material `lump`.
@@ -179,33 +93,6 @@ fn ply() -> Vec<u8> {
     text.into_bytes()
 }
 
-/// The box as glTF with the buffer `cube.bin`, placed by the nodes `left` and `right`, 20 cm apart; `right` is twice as large.
-fn gltf() -> [Vec<u8>; 2] {
-    let mut binary: Vec<u8> =
-        corners(Vec3::ZERO, HALF).flat_map(|x| x.to_array()).flat_map(f32::to_le_bytes).collect();
-    binary.extend(BOX.as_flattened().iter().flat_map(|corner| corner.to_le_bytes()));
-    let text = r#"{
-        "asset": { "version": "2.0" }, "scenes": [{ "nodes": [0, 1] }], "scene": 0,
-        "nodes": [
-            { "name": "left", "mesh": 0, "translation": [-0.1, 0, 0] },
-            { "name": "right", "mesh": 0, "translation": [0.1, 0, 0], "scale": [2, 2, 2] }
-        ],
-        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 }, "indices": 1 }] }],
-        "accessors": [
-            {
-                "bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3",
-                "min": [-0.04, -0.02, -0.02], "max": [0.04, 0.02, 0.02]
-            },
-            { "bufferView": 1, "componentType": 5125, "count": 36, "type": "SCALAR" }
-        ],
-        "bufferViews": [
-            { "buffer": 0, "byteLength": 96 }, { "buffer": 0, "byteOffset": 96, "byteLength": 144 }
-        ],
-        "buffers": [{ "byteLength": 240, "uri": "cube%20data.bin" }]
-    }"#;
-    [text.into(), binary]
-}
-
 #[test]
 fn each_format_becomes_the_same_body() {
     let glb = glb(&cuboid(-HALF, HALF), &[]);
@@ -223,7 +110,7 @@ fn each_format_becomes_the_same_body() {
 
 #[test]
 fn gltf_with_a_buffer_beside_it_has_the_transforms_of_its_nodes() {
-    let [text, binary] = gltf();
+    let [text, binary] = gltf_boxes();
     let files = [("organs/boxes.gltf", text), ("organs/cube data.bin", binary)];
     let mut app = app_of(&files);
     let all = load(&app, "organs/boxes.gltf");
@@ -243,7 +130,7 @@ fn gltf_with_a_buffer_beside_it_has_the_transforms_of_its_nodes() {
 
 #[test]
 fn settings_select_a_node() {
-    let [text, binary] = gltf();
+    let [text, binary] = gltf_boxes();
     let files = [("boxes.gltf", text.clone()), ("other.gltf", text), ("cube data.bin", binary)];
     let mut app = app_of(&files);
     let left = select(&app, "boxes.gltf", MeshSelection::Node("left".into()));
@@ -277,40 +164,10 @@ fn two_materials_have_two_tissues() {
     assert!((mass_kg(&app, entity) - MASS_KG - 0.008).abs() < 1e-6, "{}", mass_kg(&app, entity));
 }
 
-/// Bevy selects between the loaders by the type of the asset, and by the extension for a path with a label.
-#[test]
-fn both_loaders_of_gltf_serve_one_app() {
-    let [text, binary] = gltf();
-    let meta = r#"(meta_format_version: "1.0", asset: Load(
-        loader: "bevy_palpate::mesh_files::MeshFileLoader", settings: (selection: Node("right"))))"#;
-    let files = [
-        ("boxes.gltf", text.clone()),
-        ("cube data.bin", binary),
-        ("reserved.gltf", text),
-        ("reserved.gltf.meta", meta.into()),
-    ];
-    assert!(meta.contains(MeshFileLoader::type_path()));
-    for gltf in [BevyGltf::BeforePalpate, BevyGltf::AfterPalpate] {
-        let mut app = app_in(&folder(&files), gltf);
-        let scene: Handle<Gltf> = app.world().resource::<AssetServer>().load("boxes.gltf");
-        let primitive = load(&app, "boxes.gltf#Mesh0/Primitive0");
-        let (center, size) = bounds(&mut app, &primitive);
-        assert!(center.length() < 1e-6 && (size - 2.0 * HALF).length() < 1e-6, "{center} {size}");
-        let whole = load(&app, "boxes.gltf");
-        assert!((bounds(&mut app, &whole).0 - 0.02 * Vec3::X).length() < 1e-6);
-        assert!(update_until_done(&mut app, |app| app.world().resource::<Assets<Gltf>>().contains(&scene)));
-    }
-    let mut app = app_in(&folder(&files), BevyGltf::BeforePalpate);
-    let right = load(&app, "reserved.gltf");
-    assert!((bounds(&mut app, &right).0 - 0.1 * Vec3::X).length() < 1e-6);
-    let left = load(&app, "reserved.gltf#Piece0");
-    assert!((bounds(&mut app, &left).0 + 0.1 * Vec3::X).length() < 1e-6);
-}
-
 /// A body whose file cannot be used does not stay loading: it is rejected, with one fault that names file and remedy.
 #[test]
 fn unusable_files_are_rejected_with_the_reason() {
-    let [text, _] = gltf();
+    let [text, _] = gltf_boxes();
     let files = [
         ("boxes.gltf", text),
         ("cut.stl", stl()[..300].to_vec()),
@@ -342,7 +199,7 @@ fn unusable_files_are_rejected_with_the_reason() {
 #[test]
 fn repaired_file_becomes_a_body() {
     let root = folder(&[("box.stl", stl()[..300].to_vec())]);
-    let mut app = app_in(&root, BevyGltf::Never);
+    let mut app = app_in(&root, |_| {}, |_| {});
     let mesh = load(&app, "box.stl");
     let entity = spawn(&mut app, mesh.clone());
     wait_for_rejection(&mut app, entity);

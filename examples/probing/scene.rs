@@ -52,7 +52,7 @@ fn organ(assets: &AssetServer) -> impl Bundle {
     let tissue = Tissue { youngs_modulus_pa: 5e3, density_kg_per_m3: 1000.0, damping_ratio: 1.0 };
     let lump = BodyRegion::Sphere { center_m: DVec3::new(-0.034, 0.013, -0.0075), radius_m: 0.010 };
     (
-        DeformableBody::from_mesh(assets.load("meshes/organ.glb#Mesh0/Primitive0")),
+        DeformableBody::from_mesh(assets.load("meshes/organ.glb")),
         tissue,
         Inclusions(vec![Inclusion {
             region: lump,

@@ -1,8 +1,6 @@
 //! Asset plugins for the repository's `assets` and for files of the user.
 
 use bevy::asset::UnapprovedPathMode;
-use bevy::gltf::GltfPlugin;
-use bevy::image::{CompressedImageFormatSupport, CompressedImageFormats, ImagePlugin};
 use bevy::mesh::MeshPlugin;
 use bevy::prelude::*;
 
@@ -18,12 +16,5 @@ pub(crate) fn plugin() -> AssetPlugin {
 
 /// Adds the plugins that load meshes without a renderer.
 pub(crate) fn add_without_window(app: &mut App) {
-    app.insert_resource(CompressedImageFormatSupport(CompressedImageFormats::NONE));
-    app.add_plugins((
-        plugin(),
-        MeshPlugin,
-        ImagePlugin::default(),
-        bevy::world_serialization::WorldSerializationPlugin,
-        GltfPlugin::default(),
-    ));
+    app.add_plugins((plugin(), MeshPlugin));
 }

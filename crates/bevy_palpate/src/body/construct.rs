@@ -9,7 +9,7 @@ use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, ClosedMesh, Face, ImplausibleSize, JoinedMesh, MeshBody, Region,
+    Block, Body, BodyError, CellLattice, ClosedMesh, Face, ImplausibleSize, JoinedMesh, MeshBody, Region,
     SemiImplicitEuler, Skin,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};

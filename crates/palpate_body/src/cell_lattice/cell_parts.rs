@@ -87,6 +87,10 @@ impl CellParts {
                 let Some(before) = grid.before(cell, axis).filter(|_| share > OPEN_FACE) else {
                     continue;
                 };
+                // Where a surface folds over itself, a face may be open although nothing counts as inside on one side.
+                if self.of_cell(before).is_empty() || self.of_cell(cell).is_empty() {
+                    continue;
+                }
                 let (this, next) = (self.samples.get(&before), self.samples.get(&cell));
                 if this.is_none() && next.is_none() {
                     if let (Some(a), Some(b)) = (self.of_cell(before).next(), self.of_cell(cell).next()) {
