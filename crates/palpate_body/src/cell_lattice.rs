@@ -15,7 +15,8 @@ pub use kept_cells::MeshCells;
 use crate::cell_tissue::check_tissue;
 use crate::touch_surface::TouchSurface;
 use crate::{
-    BodyError, CellSize, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface, Tissue,
+    BodyError, CellSize, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface,
+    ThinParts, Tissue,
 };
 use cell_grid::CellGrid;
 use cell_parts::CellParts;
@@ -89,13 +90,17 @@ pub struct CellLattice<'a> {
     regions: Vec<(Region, Tissue)>,
     allow_free: bool,
     touch_spacing: f64,
-    /// The parts of the cells, if they were found with their size.
-    parts: OnceLock<Arc<CellParts>>,
+    computed: ComputedCells,
 }
 
-/// The parts of the cells of a lattice.
-#[derive(Clone, Debug)]
-pub(crate) struct FoundParts(Arc<CellParts>);
+/// What has been computed of the cells of a lattice.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ComputedCells {
+    /// The parts of the cells.
+    parts: OnceLock<Arc<CellParts>>,
+    /// Share of the volume that is thinner than two cells.
+    thin_share: OnceLock<f64>,
+}
 
 /// A body made from a mesh.
 #[derive(Clone, Debug)]
@@ -158,19 +163,34 @@ impl<'a> CellLattice<'a> {
             regions: Vec::new(),
             allow_free: false,
             touch_spacing: 0.5,
-            parts: OnceLock::new(),
+            computed: ComputedCells::default(),
         })
     }
 
-    /// The parts of the cells, if they have been found.
-    pub(crate) fn found_parts(&self) -> Option<FoundParts> {
-        self.parts.get().map(|parts| FoundParts(Arc::clone(parts)))
+    /// What has been computed of the cells.
+    pub(crate) fn computed(&self) -> ComputedCells {
+        self.computed.clone()
     }
 
-    /// Takes over the parts found with a lattice of the same mesh and size.
-    pub(crate) fn with_found_parts(mut self, found: Option<FoundParts>) -> Self {
-        self.parts = found.map_or_else(OnceLock::new, |FoundParts(parts)| parts.into());
+    /// Takes over what was computed with a lattice of the same mesh and size.
+    pub(crate) fn with_computed(mut self, computed: ComputedCells) -> Self {
+        self.computed = computed;
         self
+    }
+
+    /// The parts of the mesh that are thinner than two of the cells; see [`ClosedMesh::thin_parts`].
+    #[must_use]
+    pub fn thin_parts(&self) -> ThinParts {
+        self.mesh.thin_parts_of(self.cell_m(), self.thin_share())
+    }
+
+    /// Whether at most [`ThinParts::MAX_SHARE`] of the volume is thinner than two cells.
+    fn is_resolving(&self) -> bool {
+        self.thin_share() <= ThinParts::MAX_SHARE
+    }
+
+    fn thin_share(&self) -> f64 {
+        *self.computed.thin_share.get_or_init(|| self.mesh.thin_share(self.cell_m()))
     }
 
     /// Side of a cell, m.
@@ -337,7 +357,7 @@ impl<'a> CellLattice<'a> {
     }
 
     fn parts(&self) -> Result<Arc<CellParts>, MeshError> {
-        if let Some(parts) = self.parts.get() {
+        if let Some(parts) = self.computed.parts.get() {
             return Ok(Arc::clone(parts));
         }
         let fill = fill::fill(self.mesh, &self.grid);
@@ -347,7 +367,7 @@ impl<'a> CellLattice<'a> {
             self.check_nodes(cells)?;
         }
         let parts = self.parts_of(fill)?;
-        Ok(Arc::clone(self.parts.get_or_init(|| parts)))
+        Ok(Arc::clone(self.computed.parts.get_or_init(|| parts)))
     }
 
     /// The parts of the cells that are filled as `fill`.

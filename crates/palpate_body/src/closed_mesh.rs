@@ -14,6 +14,7 @@ mod inside;
 mod measured;
 mod open_parts;
 mod orient;
+mod repairs;
 mod surface_nets;
 mod thicken;
 mod thin_parts;
@@ -24,12 +25,14 @@ mod winding_tree;
 
 pub use assumptions::MeshAssumptions;
 pub use error::MeshError;
+pub use repairs::MeshRepairs;
 pub use thin_parts::ThinParts;
 
+use geometry::volume;
 use glam::DVec3;
 use inside::Inside;
 use measured::Measured;
-use welded_mesh::WeldedMesh;
+use welded_mesh::{Closed, WeldedMesh};
 
 /// A closed surface of triangles, created from a mesh that encloses a volume.
 ///
@@ -87,21 +90,27 @@ pub enum MeshClosing {
     },
 }
 
-/// Repairs of a mesh.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct MeshRepairs {
-    /// Number of vertices that coincided with another.
-    pub welded: usize,
-    /// Number of degenerate triangles.
-    pub collapsed: usize,
-    /// Number of repeated triangles.
-    pub duplicates: usize,
-    /// Number of triangles omitted together with their opposite.
-    pub back_to_back: usize,
-    /// Number of flipped triangles.
-    pub turned: usize,
-    /// Number of edges with four or more triangles.
-    pub pinched_edges: usize,
+impl From<Closed> for ClosedMesh {
+    fn from(made: Closed) -> Self {
+        let Closed { vertices_m, drawn, point_of, center_m, points_m, closed, enclosing_m, .. } = made;
+        Self {
+            vertices_m,
+            normals: None,
+            triangles: drawn,
+            point_of,
+            center_m,
+            volume_m3: volume(&closed, enclosing_m.as_deref().unwrap_or(&points_m)),
+            points_m,
+            closed,
+            enclosing_m,
+            assumptions: made.assumptions,
+            parts: made.parts,
+            half_size_m: made.half_size_m,
+            repairs: made.repairs,
+            inside: made.inside,
+            grid_m: None,
+        }
+    }
 }
 
 impl ClosedMesh {
@@ -149,7 +158,7 @@ impl ClosedMesh {
         measured: Measured,
         grid_m: f64,
     ) -> Result<Self, MeshError> {
-        let close = |mesh: WeldedMesh| mesh.close().map_err(|failed| failed.0);
+        let close = |mesh: WeldedMesh| mesh.close().map(Self::from).map_err(|failed| failed.0);
         WeldedMesh::new(vertices_m, triangles, measured.bounds_m)
             .and_then(close)
             .map_err(|error| measured.reason(error, grid_m))
@@ -210,7 +219,7 @@ impl ClosedMesh {
         let mesh = WeldedMesh::new(vertices_m, triangles, measured.bounds_m)
             .map_err(|error| measured.reason(error, grid_m))?;
         let (error, mesh) = match mesh.close() {
-            Ok(closed) => return Ok(closed),
+            Ok(closed) => return Ok(closed.into()),
             Err(failed) => *failed,
         };
         match measured.reason(error, grid_m) {
@@ -223,10 +232,11 @@ impl ClosedMesh {
             | MeshError::Flat { .. } => {}
             error => return Err(error),
         }
-        match mesh.weld_cracks() {
-            (mesh, false) => mesh.enclose(thickness_m),
-            (mesh, true) => mesh.close().or_else(|failed| failed.1.enclose(thickness_m)),
-        }
+        let closed = match mesh.weld_cracks() {
+            (mesh, false) => mesh.enclose(thickness_m)?,
+            (mesh, true) => mesh.close().or_else(|failed| failed.1.enclose(thickness_m))?,
+        };
+        Ok(closed.into())
     }
 
     /// Adds the normal of each vertex as drawn. Where coincident vertices have different normals, the drawn edge

@@ -1,6 +1,6 @@
 //! A closed mesh in several parts, for example the primitives of a glTF mesh.
 
-use crate::cell_lattice::FoundParts;
+use crate::cell_lattice::ComputedCells;
 use crate::triangle_bvh::triangle_bvh;
 use crate::{CellLattice, CellSize, ClosedMesh, MeshClosing, MeshError, PieceSelection, Region};
 use glam::DVec3;
@@ -36,7 +36,7 @@ pub struct JoinedMesh {
     /// Size of the cells for the selected pieces: [`JoinOptions::cells`], where [`CellSize::Automatic`] is replaced by the chosen
     /// [`CellSize::Along`].
     pub cells: CellSize,
-    found: Option<FoundParts>,
+    computed: ComputedCells,
 }
 
 /// How parts are joined to the surface of a body.
@@ -98,9 +98,9 @@ impl JoinedMesh {
             }
         };
         let regions = (1..parts.len()).map(&mut region).collect();
-        let Selected { mesh, piece_count, piece_share, cells, found } =
+        let Selected { mesh, piece_count, piece_share, cells, computed } =
             select(mesh, &joined, parts, &options)?;
-        Ok(Self { mesh, regions, joined, piece_count, piece_share, cells, found })
+        Ok(Self { mesh, regions, joined, piece_count, piece_share, cells, computed })
     }
 
     /// Cells of the size [`JoinedMesh::cells`], fitted to [`JoinedMesh::mesh`]. What was computed of them to find the pieces is not computed
@@ -109,7 +109,7 @@ impl JoinedMesh {
     /// # Errors
     /// As [`CellLattice::fit`].
     pub fn lattice(&self) -> Result<CellLattice<'_>, MeshError> {
-        Ok(CellLattice::fit(&self.mesh, self.cells)?.with_found_parts(self.found.clone()))
+        Ok(CellLattice::fit(&self.mesh, self.cells)?.with_computed(self.computed.clone()))
     }
 }
 
@@ -135,7 +135,7 @@ struct Selected {
     /// Share of the selected pieces in the volume.
     piece_share: f64,
     cells: CellSize,
-    found: Option<FoundParts>,
+    computed: ComputedCells,
 }
 
 /// Maximum number of times that a piece is selected: the selected triangles alone have finer cells and samples, and may be several pieces.
@@ -152,12 +152,12 @@ fn select(
     let (mut piece_count, mut piece_share) = (1, 1.0);
     let mut selections = 0;
     loop {
-        let (pieces, cells, found) = match CellLattice::fit(&mesh, options.cells) {
+        let (pieces, cells, computed) = match CellLattice::fit(&mesh, options.cells) {
             Ok(lattice) => {
                 let pieces = mesh.pieces_of_cells(&lattice).unwrap_or_default();
-                (pieces, chosen(&lattice, options), lattice.found_parts())
+                (pieces, chosen(&lattice, options), lattice.computed())
             }
-            Err(_) => (Vec::new(), options.cells, None),
+            Err(_) => (Vec::new(), options.cells, ComputedCells::default()),
         };
         let wanted = if selections == 0 { options.pieces } else { PieceSelection::Largest };
         let index = wanted.index(pieces.len().max(1))?.filter(|_| pieces.len() > 1);
@@ -165,7 +165,7 @@ fn select(
             piece_count = pieces.len();
         }
         let Some(index) = index.filter(|_| selections < MAX_SELECTIONS) else {
-            return Ok(Selected { mesh, piece_count, piece_share, cells, found });
+            return Ok(Selected { mesh, piece_count, piece_share, cells, computed });
         };
         piece_share *= pieces[index].volume_m3 / pieces.iter().map(|piece| piece.volume_m3).sum::<f64>();
         let mut selected = given.take().unwrap_or_else(|| join(joined.iter().map(|&index| &parts[index])));

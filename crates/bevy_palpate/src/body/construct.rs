@@ -183,7 +183,7 @@ impl BuildInput {
             implausible_size,
             piece_count,
             piece_share,
-            thin_parts: Some(closed.thin_parts(cells.cell_m)).filter(|thin| thin.share > 0.0),
+            thin_parts: Some(lattice.thin_parts()).filter(|thin| thin.share > 0.0),
             cells,
             deviation_m,
         };

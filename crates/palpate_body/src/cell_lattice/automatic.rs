@@ -15,7 +15,7 @@ impl<'a> CellLattice<'a> {
     pub(super) fn automatic(mesh: &'a ClosedMesh, max_nodes: usize) -> Result<Self, MeshError> {
         let start = CellSize::START_ALONG;
         match Self::within(mesh, start, max_nodes) {
-            Ok(lattice) if mesh.is_resolved_by(lattice.cell_m()) => Ok(lattice),
+            Ok(lattice) if lattice.is_resolving() => Ok(lattice),
             Ok(lattice) => Ok(Self::finer(lattice, mesh, max_nodes)),
             Err(MeshError::TooManyNodes { .. }) => {
                 let fitted = (2..start).rev().find_map(|along| Self::within(mesh, along, max_nodes).ok());
@@ -38,7 +38,7 @@ impl<'a> CellLattice<'a> {
                 Ok(lattice) => (finest, along) = (lattice, more),
                 Err(_) => limit = more - 1,
             }
-            if along == more && mesh.is_resolved_by(finest.cell_m()) {
+            if along == more && finest.is_resolving() {
                 break;
             }
         }
@@ -62,7 +62,7 @@ impl<'a> CellLattice<'a> {
         if nodes > max_nodes {
             return Err(too_many(nodes));
         }
-        lattice.parts = parts.into();
+        lattice.computed.parts = parts.into();
         Ok(lattice)
     }
 }

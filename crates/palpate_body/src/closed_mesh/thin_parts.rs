@@ -40,24 +40,25 @@ impl ClosedMesh {
     /// takes some milliseconds, or up to a second where it searches for the size of cells that resolves them.
     #[must_use]
     pub fn thin_parts(&self, cell_m: f64) -> ThinParts {
-        let share = self.thin_share(cell_m);
+        self.thin_parts_of(cell_m, self.thin_share(cell_m))
+    }
+
+    /// [`ClosedMesh::thin_parts`] with the share that is known.
+    pub(crate) fn thin_parts_of(&self, cell_m: f64, share: f64) -> ThinParts {
         let size_m = 2.0 * self.half_size_m().max_element();
         let least_m = size_m / ThinParts::MAX_TRIED_CELLS as f64;
         let smaller = std::iter::successors(Some(SIZE_RATIO * cell_m), |cell_m| Some(SIZE_RATIO * cell_m));
         let resolving_cell_m = (share > ThinParts::MAX_SHARE)
             .then(|| {
-                smaller.take_while(|cell_m| *cell_m >= least_m).find(|cell_m| self.is_resolved_by(*cell_m))
+                let is_resolving = |cell_m: &f64| self.thin_share(*cell_m) <= ThinParts::MAX_SHARE;
+                smaller.take_while(|cell_m| *cell_m >= least_m).find(is_resolving)
             })
             .flatten();
         ThinParts { cell_m, share, resolving_cell_m }
     }
 
-    /// Whether at most [`ThinParts::MAX_SHARE`] of the volume is thinner than two cells of side `cell_m`, m.
-    pub(crate) fn is_resolved_by(&self, cell_m: f64) -> bool {
-        self.thin_share(cell_m) <= ThinParts::MAX_SHARE
-    }
-
-    fn thin_share(&self, cell_m: f64) -> f64 {
+    /// Share of the volume that is thinner than two cells of side `cell_m`, m.
+    pub(crate) fn thin_share(&self, cell_m: f64) -> f64 {
         let finest_m = 2.0 * self.half_size_m().max_element() / MAX_SAMPLES_ALONG;
         let spacing_m = (cell_m / SAMPLES_ALONG_CELL).max(finest_m);
         let corners = self.closed_triangles().iter().map(|t| t.map(|point| self.enclosing_points_m()[point]));

@@ -3,11 +3,11 @@
 use super::closed_surface::ClosedSurface;
 use super::coincident::{self, Distinct};
 use super::enclose::{self, Enclosing, Given};
-use super::geometry::{TOLERANCE, same_winding, volume};
+use super::geometry::{TOLERANCE, same_winding};
 use super::inside::Inside;
 use super::measured::check_size;
 use super::weld::{self, Welded};
-use super::{ClosedMesh, MeshError, MeshRepairs, cracks, crossing, orient};
+use super::{MeshAssumptions, MeshError, MeshRepairs, cracks, crossing, orient};
 use glam::DVec3;
 
 /// A mesh whose coincident vertices are welded.
@@ -61,9 +61,9 @@ impl WeldedMesh {
     }
 
     /// The mesh as a closed surface, or the error with the mesh.
-    pub(super) fn close(mut self) -> Result<ClosedMesh, Box<(MeshError, Self)>> {
-        match self.closed() {
-            Ok((closed, repairs)) => Ok(self.with_surface(closed, repairs)),
+    pub(super) fn close(mut self) -> Result<Closed, Box<(MeshError, Self)>> {
+        match self.oriented() {
+            Ok(surface) => Ok(self.closed(surface)),
             Err(error) => {
                 self.crossing_count = match error {
                     MeshError::Crossing { pairs, .. } => Some(pairs),
@@ -76,7 +76,8 @@ impl WeldedMesh {
         }
     }
 
-    fn closed(&mut self) -> Result<(Closed, MeshRepairs), MeshError> {
+    /// The triangles as a closed surface that faces outward.
+    fn oriented(&mut self) -> Result<Oriented, MeshError> {
         let (center_m, tolerance_m) = (self.center_m, TOLERANCE * self.size_m());
         let of_points = self.of_points();
         let points_m = &self.welded.points_m;
@@ -103,27 +104,23 @@ impl WeldedMesh {
             turned: turn(&mut self.drawn, surface.kept.iter().map(|&k| of_points[k]), &triangles),
             pinched_edges,
         };
-        Ok((Closed { triangles, parts, inside }, repairs))
+        Ok(Oriented { triangles, parts, inside, repairs })
     }
 
-    fn with_surface(self, closed: Closed, repairs: MeshRepairs) -> ClosedMesh {
-        let Closed { triangles, parts, inside } = closed;
-        ClosedMesh {
+    fn closed(self, surface: Oriented) -> Closed {
+        Closed {
             vertices_m: self.vertices_m,
-            normals: None,
-            triangles: self.drawn,
+            drawn: self.drawn,
             point_of: self.welded.point_of,
             center_m: self.center_m,
-            volume_m3: volume(&triangles, &self.welded.points_m),
+            half_size_m: self.half_size_m,
             points_m: self.welded.points_m,
-            closed: triangles,
+            closed: surface.triangles,
             enclosing_m: None,
             assumptions: None,
-            parts,
-            half_size_m: self.half_size_m,
-            repairs,
-            inside,
-            grid_m: None,
+            parts: surface.parts,
+            repairs: surface.repairs,
+            inside: surface.inside,
         }
     }
 
@@ -144,7 +141,7 @@ impl WeldedMesh {
     ///
     /// # Errors
     /// [`MeshError::NoInside`], [`MeshError::Tangled`].
-    pub(super) fn enclose(mut self, thickness_m: Option<f64>) -> Result<ClosedMesh, MeshError> {
+    pub(super) fn enclose(mut self, thickness_m: Option<f64>) -> Result<Closed, MeshError> {
         let of_points = self.of_points();
         let Distinct { kept, duplicates, back_to_back } = coincident::distinct(&of_points, true);
         let triangles: Vec<[usize; 3]> = kept.iter().map(|&k| of_points[k].1).collect();
@@ -170,32 +167,50 @@ impl WeldedMesh {
             turned: turn(&mut self.drawn, kept.iter().map(|&k| of_points[k]), &enclosed.oriented),
             pinched_edges: enclosed.assumptions.branching_edge_count,
         };
-        Ok(ClosedMesh {
+        Ok(Closed {
             vertices_m: self.vertices_m,
-            normals: None,
-            triangles: self.drawn,
+            drawn: self.drawn,
             point_of: self.welded.point_of,
             center_m: self.center_m,
+            half_size_m,
             points_m: self.welded.points_m,
-            volume_m3: volume(&closed, &enclosing_m),
             closed,
             enclosing_m: Some(enclosing_m),
             parts: enclosed.assumptions.part_count,
             assumptions: Some(enclosed.assumptions),
-            half_size_m,
             repairs,
             inside,
-            grid_m: None,
         })
     }
 }
 
-/// A mesh that is closed by itself.
-struct Closed {
+/// A surface that is closed by itself.
+struct Oriented {
     /// Triangles that face outward.
     triangles: Vec<[usize; 3]>,
     parts: usize,
     inside: Inside,
+    repairs: MeshRepairs,
+}
+
+/// A mesh with the closed surface around its inside.
+pub(super) struct Closed {
+    pub vertices_m: Vec<DVec3>,
+    /// Triangles as given, turned where needed.
+    pub drawn: Vec<[usize; 3]>,
+    /// The welded point of each vertex that a triangle uses.
+    pub point_of: Vec<Option<usize>>,
+    pub center_m: DVec3,
+    pub half_size_m: DVec3,
+    /// Welded vertices, relative to the centre, m.
+    pub points_m: Vec<DVec3>,
+    /// Triangles of the surface, and its own points if they are not the welded vertices.
+    pub closed: Vec<[usize; 3]>,
+    pub enclosing_m: Option<Vec<DVec3>>,
+    pub assumptions: Option<MeshAssumptions>,
+    pub parts: usize,
+    pub repairs: MeshRepairs,
+    pub inside: Inside,
 }
 
 /// Turns the `drawn` triangles whose winding differs from `oriented`, and returns their number. `given` has the index of each and its corners

@@ -5,7 +5,7 @@ use crate::error::LabError;
 use crate::multirate::ms_since;
 use palpate_body::{
     Body, BodyError, CellSize, ClosedMesh, Face, JoinOptions, JoinedMesh, MeshBody, MeshCells, MeshClosing,
-    MeshError, MeshPart, PieceSelection, SemiImplicitEuler, Tissue,
+    MeshError, MeshPart, PieceSelection, SemiImplicitEuler, ThinParts, Tissue,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::time::Instant;
@@ -24,6 +24,7 @@ pub(super) struct BuiltMesh {
     pub(super) piece_count: usize,
     pub(super) piece_share: f64,
     pub(super) cells: MeshCells,
+    pub(super) thin_parts: ThinParts,
     /// Maximum distance of the mesh's enclosing surface from the touched one, m.
     pub(super) deviation_m: f64,
     pub(super) body: Body,
@@ -70,15 +71,26 @@ fn build(part: MeshPart, options: &Mesh, scale_m: f64, start: Instant) -> Result
         damping_ratio: DAMPING_RATIO,
     };
     let lattice = joined.lattice().map_err(BodyError::from)?;
-    let MeshBody { network, surface, cells, deviation_m, .. } =
-        lattice.fix_base(Face::NegY, BASE).tissue(&tissue)?;
+    let lattice = lattice.fix_base(Face::NegY, BASE);
+    let MeshBody { network, surface, cells, deviation_m, .. } = lattice.tissue(&tissue)?;
     let body = Body::new(network, surface)?;
     // Rejects a body that cannot be stepped.
     SemiImplicitEuler::default().substeps(&body)?;
     let builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body))?;
     let build_ms = ms_since(start);
+    let thin_parts = lattice.thin_parts();
     let JoinedMesh { mesh: closed, piece_count, piece_share, .. } = joined;
-    Ok(BuiltMesh { closed, piece_count, piece_share, cells, deviation_m, body, builder, build_ms })
+    Ok(BuiltMesh {
+        closed,
+        piece_count,
+        piece_share,
+        cells,
+        thin_parts,
+        deviation_m,
+        body,
+        builder,
+        build_ms,
+    })
 }
 
 /// Longest extent of the vertices that triangles use, in units of the file.

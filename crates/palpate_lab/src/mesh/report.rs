@@ -101,7 +101,7 @@ impl Report {
         errors.sort_by(f64::total_cmp);
         let size = ImplausibleSize::of((high - low).max_element());
         let peak_n = taps.places.iter().flat_map(|tapped| tapped.peaks_n).fold(0.0, f64::max);
-        let thin = built.closed.thin_parts(built.cells.cell_m);
+        let thin = &built.thin_parts;
         let warnings = [
             (thin.share > ThinParts::MAX_SHARE).then(|| format!("{thin}; change --cells")),
             size.map(|size| format!("{size}; change --scale or --size-m")),
