@@ -427,15 +427,16 @@ impl<'a> CellLattice<'a> {
     /// Positions of the named vertices, and of places at most half a cell apart on triangles with three named
     /// corners, relative to the mesh's centre, m.
     fn named_positions_m(&self, named: &[bool]) -> Vec<DVec3> {
-        let point_of = self.mesh.point_of();
         let mut points = vec![false; self.mesh.points_m().len()];
-        for point in named.iter().zip(point_of).filter(|(named, _)| **named).filter_map(|(_, point)| *point) {
+        let named = named.iter().enumerate().filter(|(_, is_named)| **is_named);
+        for point in named.filter_map(|(vertex, _)| self.mesh.point_of(vertex)) {
             points[point] = true;
         }
         let at = self.mesh.points_m();
         let mut places: Vec<DVec3> =
             (0..at.len()).filter(|&point| points[point]).map(|point| at[point]).collect();
-        let of_points = |t: &[usize; 3]| t.map(|vertex| point_of[vertex].filter(|&point| points[point]));
+        let of_points =
+            |t: &[usize; 3]| t.map(|vertex| self.mesh.point_of(vertex).filter(|&point| points[point]));
         for corners in self.mesh.triangles().iter().map(of_points) {
             let [Some(a), Some(b), Some(c)] = corners else { continue };
             let [a, b, c] = [a, b, c].map(|point| at[point]);

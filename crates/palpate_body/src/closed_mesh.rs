@@ -32,6 +32,7 @@ use geometry::volume;
 use glam::DVec3;
 use inside::Inside;
 use measured::Measured;
+use weld::PointOfVertex;
 use welded_mesh::{Closed, WeldedMesh};
 
 /// A closed surface of triangles, created from a mesh that encloses a volume.
@@ -61,7 +62,7 @@ pub struct ClosedMesh {
     /// Triangles as given, flipped where needed; includes those omitted from the volume.
     triangles: Vec<[usize; 3]>,
     /// The welded point of each vertex that a triangle uses.
-    point_of: Vec<Option<usize>>,
+    point_of: PointOfVertex,
     center_m: DVec3,
     /// Welded vertices, relative to the centre, m.
     points_m: Vec<DVec3>,
@@ -337,9 +338,9 @@ impl ClosedMesh {
         self.inside.line_crossing(triangle, axis, at_m)
     }
 
-    /// The welded vertex of each vertex that a triangle uses.
-    pub(crate) fn point_of(&self) -> &[Option<usize>] {
-        &self.point_of
+    /// The welded vertex of a vertex; `None` for one that no triangle uses.
+    pub(crate) fn point_of(&self, vertex: usize) -> Option<usize> {
+        self.point_of.of(vertex)
     }
 
     /// Maximum absolute coordinate, and the spacing of the coordinate grid of the vertices there, m; `None` if the

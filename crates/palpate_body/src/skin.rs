@@ -40,7 +40,7 @@ impl Skin {
             .triangles()
             .iter()
             .filter_map(|&[a, b, c]| {
-                let [a, b, c] = [a, b, c].map(|vertex| mesh.point_of()[vertex]);
+                let [a, b, c] = [a, b, c].map(|vertex| mesh.point_of(vertex));
                 Some([a?, b?, c?])
             })
             .collect();
@@ -175,17 +175,17 @@ impl Grouped {
         let mut made = Self { of: Vec::with_capacity(mesh.vertices_m().len()), place_m: Vec::new() };
         // Groups at each welded point, with their normals.
         let mut at_point: BTreeMap<usize, Vec<(DVec3, usize)>> = BTreeMap::new();
-        for (vertex, point) in mesh.point_of().iter().enumerate() {
+        for vertex in 0..mesh.vertices_m().len() {
             let normal = mesh.normals().map_or(DVec3::ZERO, |normals| normals[vertex].normalize_or_zero());
-            let group = match point {
+            let group = match mesh.point_of(vertex) {
                 Some(point) => {
-                    let groups = at_point.entry(*point).or_default();
+                    let groups = at_point.entry(point).or_default();
                     let same = |(other, _): &&(DVec3, usize)| *other == normal || other.dot(normal) > AGREE;
                     match groups.iter().find(same) {
                         Some(&(_, group)) => group,
                         None => {
                             groups.push((normal, made.place_m.len()));
-                            made.add(mesh.points_m()[*point], Some(*point))
+                            made.add(mesh.points_m()[point], Some(point))
                         }
                     }
                 }

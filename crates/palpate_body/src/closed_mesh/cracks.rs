@@ -24,7 +24,7 @@ pub(super) fn weld_cracks(
         let welded = weld(vertices_m, &corners, center_m, tolerance * size_m);
         let mut edges: Vec<[Option<usize>; 2]> = edges
             .iter()
-            .map(|edge| edge.map(|vertex| welded.point_of[vertex]))
+            .map(|edge| edge.map(|vertex| welded.point_of.of(vertex)))
             .filter(|[a, b]| a != b)
             .map(|[a, b]| [a.min(b), a.max(b)])
             .collect();
@@ -48,12 +48,12 @@ pub(super) fn weld_cracks(
 fn open_edges(welded: &Welded, triangles: &[[usize; 3]]) -> Vec<[usize; 2]> {
     let of_points: Vec<[usize; 3]> = triangles
         .iter()
-        .map(|corners| corners.map(|vertex| welded.point_of[vertex].unwrap_or_default()))
+        .map(|corners| corners.map(|vertex| welded.point_of.of(vertex).unwrap_or_default()))
         .filter(|[a, b, c]| a != b && b != c && c != a)
         .collect();
     let mut vertex_of = vec![0; welded.points_m.len()];
     for &vertex in triangles.iter().flatten() {
-        vertex_of[welded.point_of[vertex].unwrap_or_default()] = vertex;
+        vertex_of[welded.point_of.of(vertex).unwrap_or_default()] = vertex;
     }
     let sides = sides(&of_points);
     let of_one = sides.chunk_by(|a, b| a.edge == b.edge).filter(|edge| edge.len() == 1);

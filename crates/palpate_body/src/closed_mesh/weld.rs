@@ -4,9 +4,19 @@ use glam::{DVec3, I64Vec3};
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
+/// The welded point of each vertex that a triangle uses. A mesh has millions of vertices, so indices are 32 bits wide.
+#[derive(Clone, Debug)]
+pub(super) struct PointOfVertex(Vec<u32>);
+
+impl PointOfVertex {
+    /// The point of `vertex`; `None` for one that no triangle uses.
+    pub(super) fn of(&self, vertex: usize) -> Option<usize> {
+        Some(self.0[vertex] as usize).filter(|point| *point != NONE as usize)
+    }
+}
+
 pub(super) struct Welded {
-    /// Welded point of each vertex that a triangle uses.
-    pub point_of: Vec<Option<usize>>,
+    pub point_of: PointOfVertex,
     /// Positions relative to the centre, m.
     pub points_m: Vec<DVec3>,
     /// Number of vertices that coincide with an earlier one.
@@ -23,7 +33,8 @@ pub(super) fn weld(
 ) -> Welded {
     let mut named = vec![false; vertices_m.len()];
     triangles.iter().flatten().for_each(|&vertex| named[vertex] = true);
-    let mut welded = Welded { point_of: vec![None; vertices_m.len()], points_m: Vec::new(), count: 0 };
+    let mut welded =
+        Welded { point_of: PointOfVertex(vec![NONE; vertices_m.len()]), points_m: Vec::new(), count: 0 };
     // Boxes are much wider than the tolerance, so that few points are close to a side.
     let box_m = 16.0 * tolerance_m;
     let box_of = |x: DVec3| (x / box_m).floor().as_i64vec3();
@@ -51,12 +62,12 @@ pub(super) fn weld(
             welded.points_m.push(x);
             point
         });
-        welded.point_of[vertex] = Some(point);
+        welded.point_of.0[vertex] = point as u32;
     }
     welded
 }
 
-/// The end of the list of a box.
+/// No point: the end of the list of a box, and the point of a vertex that no triangle uses.
 const NONE: u32 = u32::MAX;
 
 /// Number of a box: 21 bits along each axis, of which a mesh takes 17.

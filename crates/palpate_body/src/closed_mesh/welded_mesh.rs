@@ -6,7 +6,7 @@ use super::enclose::{self, Enclosing, Given};
 use super::geometry::{TOLERANCE, same_winding};
 use super::inside::Inside;
 use super::measured::check_size;
-use super::weld::{self, Welded};
+use super::weld::{self, PointOfVertex, Welded};
 use super::{MeshAssumptions, MeshError, MeshRepairs, cracks, crossing, orient};
 use glam::DVec3;
 
@@ -50,7 +50,7 @@ impl WeldedMesh {
     /// The triangles with three different points.
     fn of_points(&self) -> Vec<OfPoints> {
         let points = |(index, corners): (usize, &[usize; 3])| {
-            (index, corners.map(|vertex| self.welded.point_of[vertex].unwrap_or_default()))
+            (index, corners.map(|vertex| self.welded.point_of.of(vertex).unwrap_or_default()))
         };
         self.drawn
             .iter()
@@ -198,8 +198,7 @@ pub(super) struct Closed {
     pub vertices_m: Vec<DVec3>,
     /// Triangles as given, turned where needed.
     pub drawn: Vec<[usize; 3]>,
-    /// The welded point of each vertex that a triangle uses.
-    pub point_of: Vec<Option<usize>>,
+    pub point_of: PointOfVertex,
     pub center_m: DVec3,
     pub half_size_m: DVec3,
     /// Welded vertices, relative to the centre, m.
