@@ -144,7 +144,9 @@ impl WeldedMesh {
     pub(super) fn enclose(mut self, thickness_m: Option<f64>) -> Result<Closed, MeshError> {
         let of_points = self.of_points();
         let Distinct { kept, duplicates, back_to_back } = coincident::distinct(&of_points, true);
-        let triangles: Vec<[usize; 3]> = kept.iter().map(|&k| of_points[k].1).collect();
+        let collapsed = self.drawn.len() - of_points.len();
+        let (kept, triangles): (Vec<usize>, Vec<[usize; 3]>) = kept.iter().map(|&k| of_points[k]).unzip();
+        drop(of_points);
         let tolerance_m = TOLERANCE * self.size_m();
         let half_size_m = self.half_size_m + 0.5 * thickness_m.unwrap_or(0.0);
         let enclosed = enclose::enclose(&Given {
@@ -161,10 +163,10 @@ impl WeldedMesh {
             enclosed.surface;
         let repairs = MeshRepairs {
             welded: self.welded.count,
-            collapsed: self.drawn.len() - of_points.len(),
+            collapsed,
             duplicates,
             back_to_back,
-            turned: turn(&mut self.drawn, kept.iter().map(|&k| of_points[k]), &enclosed.oriented),
+            turned: turn(&mut self.drawn, kept.into_iter().zip(triangles), &enclosed.oriented),
             pinched_edges: enclosed.assumptions.branching_edge_count,
         };
         Ok(Closed {
