@@ -18,6 +18,14 @@ pub(crate) fn map_ranges<R: Send>(count: usize, each: impl Fn(Range<usize>) -> V
     map_each(&ranges, |range| each(range.clone())).into_iter().flatten().collect()
 }
 
+/// The results of `each` on consecutive ranges of 0 to `count`, one for each processor, in their order: for items that take long.
+pub(crate) fn map_shares<R: Send>(count: usize, each: impl Fn(Range<usize>) -> R + Sync) -> Vec<R> {
+    let share = count.div_ceil(threads()).max(1);
+    let ranges: Vec<Range<usize>> =
+        (0..count).step_by(share).map(|first| first..(first + share).min(count)).collect();
+    map_each(&ranges, |range| each(range.clone()))
+}
+
 /// `each` of all `items`, in their order, each on a thread of its own.
 pub(crate) fn map_each<T: Sync, R: Send>(items: &[T], each: impl Fn(&T) -> R + Sync) -> Vec<R> {
     let [first, others @ ..] = items else { return Vec::new() };

@@ -2,9 +2,10 @@
 
 use super::cell_grid::CellGrid;
 use super::cell_samples::CellSamples;
-use super::fill::Fill;
+use super::fill::{CellSurface, Fill};
 use crate::ClosedMesh;
 use crate::disjoint_sets::DisjointSets;
+use crate::parallel;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -47,6 +48,16 @@ impl CellParts {
             links: Vec::new(),
             samples: BTreeMap::new(),
         };
+        let met: Vec<(&usize, &CellSurface)> =
+            fill.surface.iter().filter(|(cell, _)| fill.share[**cell] >= EMPTY).collect();
+        let samples = parallel::map_shares(met.len(), |range| {
+            let new = |&(&cell, surface): &(&usize, &CellSurface)| {
+                CellSamples::new(mesh, grid, grid.place(cell), surface, fill.share[cell])
+                    .map(|samples| (cell, samples))
+            };
+            met[range].iter().filter_map(new).collect::<Vec<_>>()
+        });
+        made.samples = samples.into_iter().flatten().collect();
         // Triangles of the surface that each part meets.
         let mut triangles_of: Vec<Vec<usize>> = Vec::new();
         for (cell, &share) in fill.share.iter().enumerate() {
@@ -62,7 +73,7 @@ impl CellParts {
                 }
                 continue;
             };
-            let Some(samples) = CellSamples::new(mesh, grid, grid.place(cell), surface, share) else {
+            let Some(samples) = made.samples.get(&cell) else {
                 made.parts.push(CellPart { cell, share, surface: Some(surface.bounds) });
                 triangles_of.push(surface.triangles.clone());
                 continue;
@@ -71,7 +82,6 @@ impl CellParts {
                 made.parts.push(CellPart { cell, share: share * part, surface: Some(*bounds) });
             }
             triangles_of.extend_from_slice(&samples.triangles);
-            made.samples.insert(cell, samples);
         }
         made.first.push(made.parts.len());
         made.links = vec![Vec::new(); made.parts.len()];

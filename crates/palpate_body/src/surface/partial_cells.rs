@@ -7,8 +7,9 @@
 
 use super::ContactSurface;
 use crate::conjugate_gradients::ConjugateGradients;
+use crate::parallel;
 use crate::weights::add_weight;
-use crate::{Block, Network, Tissue};
+use crate::{Block, Link, Network, Tissue};
 use glam::{DMat3, DVec3};
 use std::sync::OnceLock;
 
@@ -33,17 +34,22 @@ impl PartialCells {
         let grid = network.grid().filter(|grid| grid.has_partial_cells())?;
         let normals = node_normals(network, surface);
         let moduli = grid.youngs_modulus_pa();
-        let patch = |node: usize| {
-            Patch::new(network, node, grid.cell_m(), |a, b| 0.5 * (moduli[a] + moduli[b]) * grid.cell_m())
-        };
+        let stiffness = stiffness(network, |a, b| 0.5 * (moduli[a] + moduli[b]) * grid.cell_m());
         let of_whole = whole_cells();
+        let carrying: Vec<usize> =
+            (0..network.node_count()).filter(|&node| normals[node] != DVec3::ZERO).collect();
+        let patches = parallel::map_shares(carrying.len(), |range| {
+            let mut around = Around::new(network);
+            let moved = |&node: &usize| {
+                let patch = Patch::new(&mut around, node, grid.cell_m(), &stiffness);
+                let moved = patch.displacements(normals[node]);
+                (node, patch.nodes, moved)
+            };
+            carrying[range].iter().map(moved).collect::<Vec<_>>()
+        });
         let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); network.node_count()];
-        for node in (0..network.node_count()).filter(|&node| normals[node] != DVec3::ZERO) {
-            let patch = patch(node);
-            let moved = patch.displacements(normals[node]);
-            for (&other, u) in
-                patch.nodes.iter().zip(moved).filter(|(other, _)| normals[**other] != DVec3::ZERO)
-            {
+        for (node, nodes, moved) in patches.into_iter().flatten() {
+            for (&other, u) in nodes.iter().zip(moved).filter(|(other, _)| normals[**other] != DVec3::ZERO) {
                 let cells = network.rest_m()[node].distance(network.rest_m()[other]) / grid.cell_m();
                 let excess = u.dot(normals[other]) - at_distance(of_whole, cells);
                 // The patches of two nodes differ at their rims: average the two values.
@@ -76,6 +82,28 @@ fn node_normals(network: &Network, surface: &ContactSurface) -> Vec<DVec3> {
     normals.iter().map(|normal| normal.normalize_or_zero()).collect()
 }
 
+/// Stiffness of every link at rest, over the unit E h for its ends.
+fn stiffness(network: &Network, unit_n_per_m: impl Fn(usize, usize) -> f64) -> Vec<DMat3> {
+    let rest = network.rest_m();
+    let of = |link: &Link| {
+        let along = rest[link.b] - rest[link.a];
+        link.spring.tangent(along, false).stiffness * unit_n_per_m(link.a, link.b).recip()
+    };
+    network.links().iter().map(of).collect()
+}
+
+/// A network, and the places of nodes in a patch.
+struct Around<'a> {
+    network: &'a Network,
+    place: Vec<Option<u32>>,
+}
+
+impl<'a> Around<'a> {
+    fn new(network: &'a Network) -> Self {
+        Self { network, place: vec![None; network.node_count()] }
+    }
+}
+
 /// The nodes around a node, with their stiffness in units of E h.
 struct Patch {
     /// Indices of the nodes; the first is the middle.
@@ -86,19 +114,18 @@ struct Patch {
 }
 
 impl Patch {
-    fn new(
-        network: &Network,
-        middle: usize,
-        cell_m: f64,
-        unit_n_per_m: impl Fn(usize, usize) -> f64,
-    ) -> Self {
+    /// `stiffness` is that of each link.
+    fn new(around: &mut Around<'_>, middle: usize, cell_m: f64, stiffness: &[DMat3]) -> Self {
+        let Around { network, place } = around;
         let rest = network.rest_m();
         let mut nodes = vec![middle];
+        place[middle] = Some(0);
         let mut next = 0;
         while let Some(&node) = nodes.get(next) {
             for other in network.neighbours(node) {
                 let is_near = rest[other].distance(rest[middle]) < REACH_CELLS * cell_m;
-                if is_near && !nodes.contains(&other) {
+                if is_near && place[other].is_none() {
+                    place[other] = Some(nodes.len() as u32);
                     nodes.push(other);
                 }
             }
@@ -107,18 +134,16 @@ impl Patch {
         let mut diagonal = vec![DMat3::ZERO; nodes.len()];
         let mut links = Vec::new();
         for (at, &node) in nodes.iter().enumerate() {
-            for &link in network.incident_links(node) {
-                let link = &network.links()[link];
+            for &index in network.incident_links(node) {
+                let link = &network.links()[index];
                 let other = if link.a == node { link.b } else { link.a };
-                let along = rest[other] - rest[node];
-                let stiffness =
-                    link.spring.tangent(along, false).stiffness * unit_n_per_m(node, other).recip();
-                diagonal[at] += stiffness;
-                if let Some(to) = nodes.iter().position(|&known| known == other).filter(|to| *to > at) {
-                    links.push((at, to, stiffness));
+                diagonal[at] += stiffness[index];
+                if let Some(to) = place[other].map(|to| to as usize).filter(|to| *to > at) {
+                    links.push((at, to, stiffness[index]));
                 }
             }
         }
+        nodes.iter().for_each(|node| place[*node] = None);
         for own in &mut diagonal {
             let mean = (own.x_axis.x + own.y_axis.y + own.z_axis.z) / 3.0;
             *own += HOLD * mean * DMat3::IDENTITY;
@@ -175,7 +200,7 @@ fn whole_cells() -> &'static [(f64, f64)] {
         let Ok(network) = made.map(|made| made.network) else { return Vec::new() };
         let at = |at: DVec3| network.rest_m().iter().position(|x| x.distance(at) < 0.1);
         let Some(middle) = at(DVec3::new(0.0, 0.0, 2.0)) else { return Vec::new() };
-        let patch = Patch::new(&network, middle, 1.0, |_, _| 1.0);
+        let patch = Patch::new(&mut Around::new(&network), middle, 1.0, &stiffness(&network, |_, _| 1.0));
         let moved = patch.displacements(DVec3::Z);
         let mut rings: Vec<(f64, f64, f64)> = Vec::new();
         for (&node, u) in patch.nodes.iter().zip(moved) {
