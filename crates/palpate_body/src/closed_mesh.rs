@@ -30,9 +30,7 @@ pub use thin_parts::ThinParts;
 
 use geometry::volume;
 use glam::DVec3;
-use inside::Inside;
 use measured::Measured;
-use weld::PointOfVertex;
 use welded_mesh::{Closed, WeldedMesh};
 
 /// A closed surface of triangles, created from a mesh that encloses a volume.
@@ -56,25 +54,9 @@ use welded_mesh::{Closed, WeldedMesh};
 /// 1e-6 of the mesh's size, do not count as intersecting.
 #[derive(Clone, Debug)]
 pub struct ClosedMesh {
-    /// Vertices as given.
-    vertices_m: Vec<DVec3>,
+    closed: Closed,
     normals: Option<Vec<DVec3>>,
-    /// Triangles as given, flipped where needed; includes those omitted from the volume.
-    triangles: Vec<[usize; 3]>,
-    /// The welded point of each vertex that a triangle uses.
-    point_of: PointOfVertex,
-    center_m: DVec3,
-    /// Welded vertices, relative to the centre, m.
-    points_m: Vec<DVec3>,
-    /// The enclosing surface: triangles, counter-clockwise as seen from outside, and its own points if they are not the welded vertices.
-    closed: Vec<[usize; 3]>,
-    enclosing_m: Option<Vec<DVec3>>,
-    assumptions: Option<MeshAssumptions>,
-    parts: usize,
     volume_m3: f64,
-    half_size_m: DVec3,
-    repairs: MeshRepairs,
-    inside: Inside,
     /// Spacing of the coordinate grid of the vertices, m, if it is known.
     grid_m: Option<f64>,
 }
@@ -92,25 +74,9 @@ pub enum MeshClosing {
 }
 
 impl From<Closed> for ClosedMesh {
-    fn from(made: Closed) -> Self {
-        let Closed { vertices_m, drawn, point_of, center_m, points_m, closed, enclosing_m, .. } = made;
-        Self {
-            vertices_m,
-            normals: None,
-            triangles: drawn,
-            point_of,
-            center_m,
-            volume_m3: volume(&closed, enclosing_m.as_deref().unwrap_or(&points_m)),
-            points_m,
-            closed,
-            enclosing_m,
-            assumptions: made.assumptions,
-            parts: made.parts,
-            half_size_m: made.half_size_m,
-            repairs: made.repairs,
-            inside: made.inside,
-            grid_m: None,
-        }
+    fn from(closed: Closed) -> Self {
+        let points_m = closed.enclosing_m.as_deref().unwrap_or(&closed.points_m);
+        Self { volume_m3: volume(&closed.closed, points_m), closed, normals: None, grid_m: None }
     }
 }
 
@@ -223,19 +189,19 @@ impl ClosedMesh {
             Ok(closed) => return Ok(closed.into()),
             Err(failed) => *failed,
         };
-        match measured.reason(error, grid_m) {
-            MeshError::Holes { .. }
+        let failure = match measured.reason(error, grid_m) {
+            failure @ (MeshError::Holes { .. }
             | MeshError::NonManifold { .. }
             | MeshError::OneSided { .. }
             | MeshError::Crossing { .. }
             | MeshError::Tangled { .. }
             | MeshError::Nested { .. }
-            | MeshError::Flat { .. } => {}
+            | MeshError::Flat { .. }) => failure,
             error => return Err(error),
-        }
+        };
         let closed = match mesh.weld_cracks() {
-            (mesh, false) => mesh.enclose(thickness_m)?,
-            (mesh, true) => mesh.close().or_else(|failed| failed.1.enclose(thickness_m))?,
+            (mesh, false) => mesh.enclose(&failure, thickness_m)?,
+            (mesh, true) => mesh.close().or_else(|failed| failed.1.enclose(&failed.0, thickness_m))?,
         };
         Ok(closed.into())
     }
@@ -246,7 +212,7 @@ impl ClosedMesh {
     /// # Errors
     /// [`MeshError::Length`] if the number of normals is not the number of vertices.
     pub fn with_normals(mut self, normals: Vec<DVec3>) -> Result<Self, MeshError> {
-        let (found, vertices) = (normals.len(), self.vertices_m.len());
+        let (found, vertices) = (normals.len(), self.closed.vertices_m.len());
         if found != vertices {
             return Err(MeshError::Length { what: "the list of normals", found, vertices });
         }
@@ -257,13 +223,13 @@ impl ClosedMesh {
     /// Vertices as given, m.
     #[must_use]
     pub fn vertices_m(&self) -> &[DVec3] {
-        &self.vertices_m
+        &self.closed.vertices_m
     }
 
     /// Triangles to draw: as given, in the same order, with corrected winding.
     #[must_use]
     pub fn triangles(&self) -> &[[usize; 3]] {
-        &self.triangles
+        &self.closed.drawn
     }
 
     /// Enclosed volume without cavities, m³.
@@ -275,72 +241,72 @@ impl ClosedMesh {
     /// Minimum and maximum coordinates, m, with the thickness of sheets.
     #[must_use]
     pub fn bounds_m(&self) -> [DVec3; 2] {
-        [self.center_m - self.half_size_m, self.center_m + self.half_size_m]
+        [self.closed.center_m - self.closed.half_size_m, self.closed.center_m + self.closed.half_size_m]
     }
 
     /// Number of closed surfaces, including cavities.
     #[must_use]
     pub fn parts(&self) -> usize {
-        self.parts
+        self.closed.parts
     }
 
     /// Repairs of the mesh.
     #[must_use]
     pub fn repairs(&self) -> MeshRepairs {
-        self.repairs
+        self.closed.repairs
     }
 
     /// Assumptions about a mesh that is not closed by itself; `None` for one that is.
     #[must_use]
     pub fn assumptions(&self) -> Option<MeshAssumptions> {
-        self.assumptions
+        self.closed.assumptions
     }
 
     /// Whether `place_m` is inside. The test is exact after vertices and place are rounded to 2⁻²⁵ of the mesh's
     /// size.
     #[must_use]
     pub fn contains(&self, place_m: DVec3) -> bool {
-        self.inside.winding(place_m - self.center_m) > 0
+        self.closed.inside.winding(place_m - self.closed.center_m) > 0
     }
 
     pub(crate) fn center_m(&self) -> DVec3 {
-        self.center_m
+        self.closed.center_m
     }
 
     pub(crate) fn half_size_m(&self) -> DVec3 {
-        self.half_size_m
+        self.closed.half_size_m
     }
 
     /// Welded vertices, relative to the centre, m.
     pub(crate) fn points_m(&self) -> &[DVec3] {
-        &self.points_m
+        &self.closed.points_m
     }
 
     /// Points of the enclosing surface, relative to the centre, m.
     pub(crate) fn enclosing_points_m(&self) -> &[DVec3] {
-        self.enclosing_m.as_deref().unwrap_or(&self.points_m)
+        self.closed.enclosing_m.as_deref().unwrap_or(&self.closed.points_m)
     }
 
     /// Triangles of the enclosing surface, counter-clockwise as seen from outside, as indices of
     /// [`ClosedMesh::enclosing_points_m`].
     pub(crate) fn closed_triangles(&self) -> &[[usize; 3]] {
-        &self.closed
+        &self.closed.closed
     }
 
     /// Tree over the boxes of the triangles of the enclosing surface, which are slightly enlarged.
     pub(crate) fn enclosing_bvh(&self) -> &parry3d_f64::partitioning::Bvh {
-        self.inside.bvh()
+        self.closed.inside.bvh()
     }
 
     /// Where the line along `axis` through `at_m` crosses a triangle of the enclosing surface: +1 or −1 as it leaves or enters, and the
     /// coordinate, m. Places are relative to the centre.
     pub(crate) fn line_crossing(&self, triangle: usize, axis: usize, at_m: DVec3) -> Option<(i64, f64)> {
-        self.inside.line_crossing(triangle, axis, at_m)
+        self.closed.inside.line_crossing(triangle, axis, at_m)
     }
 
     /// The welded vertex of a vertex; `None` for one that no triangle uses.
     pub(crate) fn point_of(&self, vertex: usize) -> Option<usize> {
-        self.point_of.of(vertex)
+        self.closed.point_of.of(vertex)
     }
 
     /// Maximum absolute coordinate, and the spacing of the coordinate grid of the vertices there, m; `None` if the

@@ -148,7 +148,7 @@ fn select(
     parts: &[MeshPart],
     options: &JoinOptions,
 ) -> Result<Selected, MeshError> {
-    let mut given = None;
+    let mut selected: Option<MeshPart> = None;
     let (mut piece_count, mut piece_share) = (1, 1.0);
     let mut selections = 0;
     loop {
@@ -168,11 +168,9 @@ fn select(
             return Ok(Selected { mesh, piece_count, piece_share, cells, computed });
         };
         piece_share *= pieces[index].volume_m3 / pieces.iter().map(|piece| piece.volume_m3).sum::<f64>();
-        let mut selected = given.take().unwrap_or_else(|| join(joined.iter().map(|&index| &parts[index])));
-        selected.triangles =
-            pieces[index].triangles.iter().map(|&triangle| selected.triangles[triangle]).collect();
-        mesh = close(selected.clone(), options)?;
-        given = Some(selected);
+        let part = selected.get_or_insert_with(|| join(joined.iter().map(|&index| &parts[index])));
+        part.triangles = pieces[index].triangles.iter().map(|&triangle| part.triangles[triangle]).collect();
+        mesh = close(part.clone(), options)?;
         selections += 1;
     }
 }

@@ -12,18 +12,23 @@ pub(crate) fn map<T: Sync, R: Send>(items: &[T], each: impl Fn(&T) -> R + Sync) 
 
 /// The results of `each` on consecutive ranges of 0 to `count`, joined in their order.
 pub(crate) fn map_ranges<R: Send>(count: usize, each: impl Fn(Range<usize>) -> Vec<R> + Sync) -> Vec<R> {
-    let share = count.div_ceil(threads()).max(MIN_SHARE);
+    map_shares(count, MIN_SHARE, each)
+}
+
+/// [`map_ranges`] for items each of which takes so long that a thread pays for a few.
+pub(crate) fn map_long<R: Send>(count: usize, each: impl Fn(Range<usize>) -> Vec<R> + Sync) -> Vec<R> {
+    map_shares(count, 1, each)
+}
+
+fn map_shares<R: Send>(
+    count: usize,
+    min_share: usize,
+    each: impl Fn(Range<usize>) -> Vec<R> + Sync,
+) -> Vec<R> {
+    let share = count.div_ceil(threads()).max(min_share);
     let ranges: Vec<Range<usize>> =
         (0..count).step_by(share).map(|first| first..(first + share).min(count)).collect();
     map_each(&ranges, |range| each(range.clone())).into_iter().flatten().collect()
-}
-
-/// The results of `each` on consecutive ranges of 0 to `count`, one for each processor, in their order: for items that take long.
-pub(crate) fn map_shares<R: Send>(count: usize, each: impl Fn(Range<usize>) -> R + Sync) -> Vec<R> {
-    let share = count.div_ceil(threads()).max(1);
-    let ranges: Vec<Range<usize>> =
-        (0..count).step_by(share).map(|first| first..(first + share).min(count)).collect();
-    map_each(&ranges, |range| each(range.clone()))
 }
 
 /// `each` of all `items`, in their order, each on a thread of its own.

@@ -100,11 +100,12 @@ impl Seed {
     /// Whether this seed is ordered before `other`. Of two on a common edge or corner of their triangles, which have the same order up to
     /// rounding, it is the one on the triangle with the lower number.
     fn is_before(&self, other: &Self, cell_m: f64) -> bool {
-        let triangle = self.place.triangle < other.place.triangle;
-        if self.at_m.distance(other.at_m) > SAME_PLACE_CELLS * cell_m {
-            return self.order < other.order || self.order == other.order && triangle;
+        let is_same_place = self.at_m.distance(other.at_m) <= SAME_PLACE_CELLS * cell_m;
+        if is_same_place || self.order == other.order {
+            self.place.triangle < other.place.triangle
+        } else {
+            self.order < other.order
         }
-        triangle
     }
 
     /// Whether a contact here is separate from the patch `known`, which started on a triangle with the given rest

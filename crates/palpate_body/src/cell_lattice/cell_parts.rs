@@ -50,14 +50,14 @@ impl CellParts {
         };
         let met: Vec<(&usize, &CellSurface)> =
             fill.surface.iter().filter(|(cell, _)| fill.share[**cell] >= EMPTY).collect();
-        let samples = parallel::map_shares(met.len(), |range| {
+        let samples = parallel::map_long(met.len(), |range| {
             let new = |&(&cell, surface): &(&usize, &CellSurface)| {
                 CellSamples::new(mesh, grid, grid.place(cell), surface, fill.share[cell])
                     .map(|samples| (cell, samples))
             };
-            met[range].iter().filter_map(new).collect::<Vec<_>>()
+            met[range].iter().filter_map(new).collect()
         });
-        made.samples = samples.into_iter().flatten().collect();
+        made.samples = samples.into_iter().collect();
         // Triangles of the surface that each part meets.
         let mut triangles_of: Vec<Vec<usize>> = Vec::new();
         for (cell, &share) in fill.share.iter().enumerate() {
@@ -102,12 +102,6 @@ impl CellParts {
                     continue;
                 }
                 let (this, next) = (self.samples.get(&before), self.samples.get(&cell));
-                if this.is_none() && next.is_none() {
-                    if let (Some(a), Some(b)) = (self.of_cell(before).next(), self.of_cell(cell).next()) {
-                        self.link(a, b);
-                    }
-                    continue;
-                }
                 for (a, b) in CellSamples::through(this, next, axis) {
                     self.link(self.first[before] + a, self.first[cell] + b);
                 }

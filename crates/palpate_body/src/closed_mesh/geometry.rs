@@ -20,6 +20,11 @@ pub(super) fn volume(triangles: &[[usize; 3]], points_m: &[DVec3]) -> f64 {
     triangles.iter().map(of).sum()
 }
 
+/// Twice the area of a triangle, m².
+pub(super) fn double_area([a, b, c]: [DVec3; 3]) -> f64 {
+    (b - a).cross(c - a).length()
+}
+
 /// Bounding box of a triangle, enlarged by `margin_m`.
 pub(super) fn bounds([a, b, c]: [DVec3; 3], margin_m: f64) -> Aabb {
     Aabb::new(a.min(b).min(c) - margin_m, a.max(b).max(c) + margin_m)

@@ -2,7 +2,7 @@
 
 use super::closed_surface::ClosedSurface;
 use super::edges::{Side, open_edges, sides};
-use super::geometry::volume;
+use super::geometry::{double_area, volume};
 use super::winding_tree::WindingTree;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -65,13 +65,11 @@ impl OpenParts {
     pub(super) fn capped(&self, points_m: &[DVec3]) -> ClosedSurface {
         let mut surface = ClosedSurface { points_m: points_m.to_vec(), triangles: self.triangles.clone() };
         for corners in self.holes.iter().filter(|corners| corners.len() > 2) {
-            if let &[a, b, c] = corners.as_slice() {
-                surface.triangles.push([c, b, a]);
-                continue;
-            }
             let middle = surface.points_m.len();
-            surface.points_m.push(middle_m(corners, points_m));
-            surface.triangles.extend(rim(corners).map(|(from, to)| [to, from, middle]));
+            if corners.len() > 3 {
+                surface.points_m.push(mean(corners.iter().map(|&point| points_m[point])));
+            }
+            surface.triangles.extend(fan(corners, middle));
         }
         surface
     }
@@ -88,10 +86,6 @@ impl OpenParts {
         let double_areas = triangles.iter().map(|t| double_area(t.map(|point| points_m[point])));
         4.0 * volume(&triangles, &points_m).abs() / double_areas.sum::<f64>()
     }
-}
-
-fn double_area([a, b, c]: [DVec3; 3]) -> f64 {
-    (b - a).cross(c - a).length()
 }
 
 /// Part of every triangle, the number of parts, and whether each triangle is turned so that it agrees with the first of its part. Edges
@@ -310,23 +304,25 @@ fn caps(loops: &[Vec<usize>], points_m: &[DVec3]) -> Vec<[DVec3; 3]> {
     caps
 }
 
-/// Fans around the middle of each loop, opposite to the loop's edges; a loop of three edges is one triangle.
+/// Fans around the middle of each loop.
 fn fans(loops: &[Vec<usize>], points_m: &[DVec3]) -> Vec<[DVec3; 3]> {
-    let fan = |corners: &Vec<usize>| {
-        if let &[a, b, c] = corners.as_slice() {
-            return vec![[c, b, a].map(|point| points_m[point])];
-        }
-        let middle_m = middle_m(corners, points_m);
-        rim(corners).map(|(from, to)| [points_m[to], points_m[from], middle_m]).collect::<Vec<_>>()
+    let of_loop = |corners: &Vec<usize>| {
+        let corners_m: Vec<DVec3> = corners.iter().map(|&point| points_m[point]).collect();
+        fan(&corners_m, mean(corners_m.iter().copied()))
     };
-    loops.iter().filter(|corners| corners.len() > 2).flat_map(fan).collect()
+    loops.iter().filter(|corners| corners.len() > 2).flat_map(of_loop).collect()
 }
 
-fn middle_m(corners: &[usize], points_m: &[DVec3]) -> DVec3 {
-    corners.iter().map(|&point| points_m[point]).sum::<DVec3>() / corners.len() as f64
+/// Triangles from the edges of a loop to its `middle`, opposite to the edges; a loop of three edges is one triangle without it.
+fn fan<P: Copy>(corners: &[P], middle: P) -> Vec<[P; 3]> {
+    if let &[a, b, c] = corners {
+        return vec![[c, b, a]];
+    }
+    let next = corners.iter().cycle().skip(1);
+    corners.iter().zip(next).map(|(from, to)| [*to, *from, middle]).collect()
 }
 
-/// Edges along a loop.
-fn rim(corners: &[usize]) -> impl Iterator<Item = (usize, usize)> {
-    corners.iter().copied().zip(corners.iter().copied().cycle().skip(1))
+fn mean(points_m: impl ExactSizeIterator<Item = DVec3>) -> DVec3 {
+    let count = points_m.len() as f64;
+    points_m.sum::<DVec3>() / count
 }

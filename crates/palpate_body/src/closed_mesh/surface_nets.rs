@@ -15,8 +15,8 @@ const MAX_MOVE: f64 = 1.0;
 const RELAXATIONS: usize = 3;
 
 /// The boundary of the samples with a winding number beyond 1/2 (S. F. F. Gibson, MICCAI 98, LNCS 1496, 888): a point in each cube of eight samples
-/// that differ, a quadrilateral across each edge between two samples that do. Points move onto the triangles with these `corners`, and boxes in `bvh`, that face the same way, if any are
-/// near; elsewhere, across holes, they lie where the winding number is interpolated to 1/2.
+/// that differ, a quadrilateral across each edge between two samples that do. Points move onto the triangles with these `corners`, and boxes in
+/// `bvh`, that face the same way, if any are near; elsewhere, across holes, they lie where the winding number is interpolated to 1/2.
 pub(super) fn enclose(
     samples: &WindingSamples,
     corners: &(impl Fn(usize) -> [DVec3; 3] + Sync),

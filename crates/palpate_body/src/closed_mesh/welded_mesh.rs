@@ -18,8 +18,6 @@ pub(super) struct WeldedMesh {
     center_m: DVec3,
     half_size_m: DVec3,
     welded: Welded,
-    /// Number of pairs of triangles that cross, if [`WeldedMesh::close`] has counted them.
-    crossing_count: Option<usize>,
 }
 
 /// A triangle by its index in the mesh, and its points.
@@ -40,7 +38,7 @@ impl WeldedMesh {
         check_size(size_m, center_m)?;
         let welded = weld::weld(&vertices_m, &drawn, center_m, TOLERANCE * size_m);
         let half_size_m = 0.5 * (high_m - low_m);
-        Ok(Self { vertices_m, drawn, center_m, half_size_m, welded, crossing_count: None })
+        Ok(Self { vertices_m, drawn, center_m, half_size_m, welded })
     }
 
     fn size_m(&self) -> f64 {
@@ -64,15 +62,7 @@ impl WeldedMesh {
     pub(super) fn close(mut self) -> Result<Closed, Box<(MeshError, Self)>> {
         match self.oriented() {
             Ok(surface) => Ok(self.closed(surface)),
-            Err(error) => {
-                self.crossing_count = match error {
-                    MeshError::Crossing { pairs, .. } => Some(pairs),
-                    MeshError::Tangled { .. } => Some(1),
-                    MeshError::Nested { .. } => Some(0),
-                    _ => None,
-                };
-                Err(Box::new((error, self)))
-            }
+            Err(error) => Err(Box::new((error, self))),
         }
     }
 
@@ -130,18 +120,18 @@ impl WeldedMesh {
         let (welded, tolerance) =
             cracks::weld_cracks(self.welded, &self.vertices_m, &self.drawn, self.center_m, size_m);
         self.welded = welded;
-        let is_cracked = tolerance > TOLERANCE;
-        if is_cracked {
-            self.crossing_count = None;
-        }
-        (self, is_cracked)
+        (self, tolerance > TOLERANCE)
     }
 
-    /// A closed surface around the inside of the mesh; open parts have `thickness_m`, if it is given.
+    /// A closed surface around the inside of the mesh, whose closing failed with `failure`; open parts have `thickness_m`, if it is given.
     ///
     /// # Errors
     /// [`MeshError::NoInside`], [`MeshError::Tangled`].
-    pub(super) fn enclose(mut self, thickness_m: Option<f64>) -> Result<Closed, MeshError> {
+    pub(super) fn enclose(
+        mut self,
+        failure: &MeshError,
+        thickness_m: Option<f64>,
+    ) -> Result<Closed, MeshError> {
         let of_points = self.of_points();
         let Distinct { kept, duplicates, back_to_back } = coincident::distinct(&of_points, true);
         let collapsed = self.drawn.len() - of_points.len();
@@ -157,7 +147,7 @@ impl WeldedMesh {
             thickness_m,
             tolerance_m,
             // Closing may have kept one of two opposite triangles.
-            crossing_count: self.crossing_count.filter(|_| back_to_back == 0),
+            crossing_count: crossing_count(failure).filter(|_| back_to_back == 0),
         })?;
         let Enclosing { surface: ClosedSurface { points_m: enclosing_m, triangles: closed }, inside } =
             enclosed.surface;
@@ -186,6 +176,16 @@ impl WeldedMesh {
     }
 }
 
+/// Number of pairs of triangles that cross, if it is known from the error of closing a mesh.
+fn crossing_count(error: &MeshError) -> Option<usize> {
+    match *error {
+        MeshError::Crossing { pairs, .. } => Some(pairs),
+        MeshError::Tangled { .. } => Some(1),
+        MeshError::Nested { .. } => Some(0),
+        _ => None,
+    }
+}
+
 /// A surface that is closed by itself.
 struct Oriented {
     /// Triangles that face outward.
@@ -196,16 +196,18 @@ struct Oriented {
 }
 
 /// A mesh with the closed surface around its inside.
+#[derive(Clone, Debug)]
 pub(super) struct Closed {
+    /// Vertices as given.
     pub vertices_m: Vec<DVec3>,
-    /// Triangles as given, turned where needed.
+    /// Triangles as given, flipped where needed; includes those omitted from the volume.
     pub drawn: Vec<[usize; 3]>,
     pub point_of: PointOfVertex,
     pub center_m: DVec3,
     pub half_size_m: DVec3,
     /// Welded vertices, relative to the centre, m.
     pub points_m: Vec<DVec3>,
-    /// Triangles of the surface, and its own points if they are not the welded vertices.
+    /// The enclosing surface: triangles, counter-clockwise as seen from outside, and its own points if they are not the welded vertices.
     pub closed: Vec<[usize; 3]>,
     pub enclosing_m: Option<Vec<DVec3>>,
     pub assumptions: Option<MeshAssumptions>,

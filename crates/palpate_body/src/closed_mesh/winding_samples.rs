@@ -1,6 +1,7 @@
 //! Samples of the winding number on a grid.
 
 use super::MeshError;
+use super::geometry::double_area;
 use super::inside::{UNITS, row_crossing};
 use super::winding_tree::WindingTree;
 use crate::parallel;
@@ -172,8 +173,7 @@ impl WindingSamples {
         let blocks = self.blocks();
         let mut is_near = vec![false; blocks.iter().product()];
         let block_m = BLOCK as f64 * self.spacing_m;
-        let double_area = |[a, b, c]: &[DVec3; 3]| (b - a).cross(c - a).length();
-        let area_m2 = 0.5 * caps.iter().map(double_area).sum::<f64>();
+        let area_m2 = 0.5 * caps.iter().copied().map(double_area).sum::<f64>();
         if area_m2 > MAX_COVER * block_m * block_m * is_near.len() as f64 {
             is_near.fill(true);
             return is_near;
@@ -222,9 +222,6 @@ impl WindingSamples {
     /// Subtracts the winding number of the caps, in blocks: interpolated between the corners where caps are far, or where it is near the same
     /// integer on all of them.
     fn subtract_caps(&mut self, caps: &WindingTree, has_caps_near: &[bool]) {
-        if caps.is_empty() {
-            return;
-        }
         let blocks = self.blocks();
         let corners = blocks.map(|n| n + 1);
         let corner_index = |[i, j, k]: [usize; 3]| i + corners[0] * (j + corners[1] * k);

@@ -61,10 +61,6 @@ impl WindingTree {
         tree
     }
 
-    pub(super) fn is_empty(&self) -> bool {
-        self.triangles.is_empty()
-    }
-
     /// Winding number around `place_m`. The error of the dipoles is below a hundredth.
     pub(super) fn winding(&self, place_m: DVec3) -> f64 {
         let mut sum = 0.0;
@@ -88,7 +84,7 @@ impl WindingTree {
     /// Calls `each` with every group that is a dipole at `place_m`, and with every other one that is not divided.
     fn visit(&self, place_m: DVec3, mut each: impl FnMut(&Group, bool)) {
         let mut open = [0_usize; 64];
-        let mut count = usize::from(!self.is_empty());
+        let mut count = usize::from(!self.groups.is_empty());
         while count > 0 {
             count -= 1;
             let group = &self.groups[open[count]];

@@ -38,17 +38,17 @@ impl PartialCells {
         let of_whole = whole_cells();
         let carrying: Vec<usize> =
             (0..network.node_count()).filter(|&node| normals[node] != DVec3::ZERO).collect();
-        let patches = parallel::map_shares(carrying.len(), |range| {
+        let patches = parallel::map_long(carrying.len(), |range| {
             let mut around = Around::new(network);
             let moved = |&node: &usize| {
                 let patch = Patch::new(&mut around, node, grid.cell_m(), &stiffness);
                 let moved = patch.displacements(normals[node]);
                 (node, patch.nodes, moved)
             };
-            carrying[range].iter().map(moved).collect::<Vec<_>>()
+            carrying[range].iter().map(moved).collect()
         });
         let mut rows: Vec<Vec<(usize, f64)>> = vec![Vec::new(); network.node_count()];
-        for (node, nodes, moved) in patches.into_iter().flatten() {
+        for (node, nodes, moved) in patches {
             for (&other, u) in nodes.iter().zip(moved).filter(|(other, _)| normals[**other] != DVec3::ZERO) {
                 let cells = network.rest_m()[node].distance(network.rest_m()[other]) / grid.cell_m();
                 let excess = u.dot(normals[other]) - at_distance(of_whole, cells);

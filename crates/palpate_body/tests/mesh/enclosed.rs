@@ -323,3 +323,13 @@ proptest! {
         }
     }
 }
+
+/// Each place would need the solid angle of every triangle: none is far from any.
+#[test]
+fn too_many_large_separate_triangles_are_rejected() {
+    let corner = |n: usize| DVec3::new(0.754_877_7, 0.569_840_3, 0.430_159_7) * n as f64;
+    let vertices: Vec<DVec3> = (0..300_000).map(|n| 0.1 * corner(n + n / 3 * 7).fract_gl()).collect();
+    let triangles = (0..100_000).map(|t| [3 * t, 3 * t + 1, 3 * t + 2]).collect();
+    let found = ClosedMesh::enclose(vertices, triangles, None);
+    assert!(matches!(found, Err(MeshError::Tangled { .. })), "{:?}", found.map(|mesh| mesh.volume_m3()));
+}
