@@ -36,4 +36,10 @@ pub enum LawError {
     /// The rest length of a spring is not finite or not above 0.
     #[error("spring rest length is {0} m; it must be finite and above 0")]
     RestLength(f64),
+    /// Young's modulus is not finite or not above 0.
+    #[error("Young's modulus is {0} Pa; it must be finite and above 0")]
+    YoungsModulus(f64),
+    /// Poisson's ratio is not from 0 to 0.49.
+    #[error("Poisson's ratio is {0}; it must be from 0 to 0.49")]
+    PoissonsRatio(f64),
 }

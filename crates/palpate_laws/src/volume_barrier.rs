@@ -1,5 +1,6 @@
 //! A barrier against the inversion of cells.
 
+use crate::symmetric;
 use glam::{DMat3, DVec3};
 
 /// The volume barrier of one tetrahedron between nodes of a hexahedral cell.
@@ -159,52 +160,16 @@ fn cross_matrix(a: DVec3) -> DMat3 {
     DMat3::from_cols(DVec3::new(0.0, a.z, -a.y), DVec3::new(-a.z, 0.0, a.x), DVec3::new(a.y, -a.x, 0.0))
 }
 
-/// Order of the matrix of three edges.
-const N: usize = 9;
-/// Maximum number of Jacobi sweeps; a matrix of this order takes about six.
-const MAX_SWEEPS: usize = 20;
-
-/// The positive semidefinite part Σ max(λ, 0) v vᵀ of a symmetric matrix, by the cyclic Jacobi method.
+/// The positive semidefinite part of a symmetric matrix of three edges.
 fn positive_part(blocks: &[[DMat3; 3]; 3]) -> [[DMat3; 3]; 3] {
-    let mut a: [[f64; N]; N] =
+    let a: [[f64; 9]; 9] =
         std::array::from_fn(|r| std::array::from_fn(|c| blocks[r / 3][c / 3].col(c % 3)[r % 3]));
-    let mut v: [[f64; N]; N] = std::array::from_fn(|r| std::array::from_fn(|c| f64::from(u8::from(r == c))));
-    let total: f64 = a.iter().flatten().map(|x| x * x).sum();
-    for _ in 0..MAX_SWEEPS {
-        let off: f64 = (0..N).flat_map(|p| (0..p).map(move |q| (p, q))).map(|(p, q)| a[p][q] * a[p][q]).sum();
-        if off.is_nan() || off <= 1e-30 * total {
-            break;
-        }
-        for p in 0..N - 1 {
-            for q in p + 1..N {
-                rotate(&mut a, &mut v, p, q);
-            }
-        }
-    }
-    let entry = |r: usize, c: usize| (0..N).map(|i| a[i][i].max(0.0) * v[r][i] * v[c][i]).sum::<f64>();
+    let part = symmetric::positive_part(a);
     std::array::from_fn(|i| {
         std::array::from_fn(|j| {
-            DMat3::from_cols_array_2d(&[0, 1, 2].map(|c| [0, 1, 2].map(|r| entry(3 * i + r, 3 * j + c))))
+            DMat3::from_cols_array_2d(&[0, 1, 2].map(|c| [0, 1, 2].map(|r| part[3 * i + r][3 * j + c])))
         })
     })
-}
-
-/// The Jacobi rotation that makes entry (p, q) of `a` zero.
-fn rotate(a: &mut [[f64; N]; N], v: &mut [[f64; N]; N], p: usize, q: usize) {
-    if a[p][q] == 0.0 {
-        return;
-    }
-    let theta = (a[q][q] - a[p][p]) / (2.0 * a[p][q]);
-    let t = theta.signum() / (theta.abs() + theta.hypot(1.0));
-    let c = 1.0 / t.hypot(1.0);
-    let s = t * c;
-    for row in a.iter_mut().chain(v) {
-        (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
-    }
-    let (row_p, row_q) = (a[p], a[q]);
-    for (k, (x, y)) in row_p.into_iter().zip(row_q).enumerate() {
-        (a[p][k], a[q][k]) = (c * x - s * y, s * x + c * y);
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,237 @@
+//! Elastic laws of a continuum: the stress as a function of the deformation gradient.
+
+use crate::LawError;
+use crate::singular_values::{SingularValues, cofactor, rotation};
+use crate::symmetric::positive_part;
+use glam::{DMat3, DVec3};
+
+/// An isotropic elastic law. F is the deformation gradient and P the first Piola stress, the derivative of the energy density W(F).
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ElasticLaw {
+    /// Linear elasticity in the rotated frame: W = μ |F − R|² + λ/2 tr²(RᵀF − 1), with R the rotation closest to F (M. Müller and
+    /// M. Gross, Graphics Interface 2004; the energy is that of A. McAdams et al., ACM Trans. Graph. 30 (2011) 37). Tension and
+    /// compression are alike. Where det F < 0, R is still a rotation, and the stress restores the element.
+    CorotationalLinear,
+    /// Compressible neo-Hookean solid: W = μ/2 (I₁ − 3) − μ ln J + λ/2 (ln J)², with I₁ = |F|² and J = det F (J. Bonet and R. D. Wood,
+    /// Nonlinear Continuum Mechanics, section 6.4.3).
+    ///
+    /// Below J = 0.3 the pressure −dU/dJ, U = −μ ln J + λ/2 (ln J)², continues with its slope and grows to a limit: W is defined for flat and
+    /// inverted elements, and restores them.
+    #[default]
+    NeoHookean,
+}
+
+/// The Lamé parameters of a material: of a volume, in J, or of a unit volume, in Pa.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LameParameters {
+    /// Shear modulus μ.
+    pub mu: f64,
+    /// First Lamé parameter λ.
+    pub lambda: f64,
+}
+
+impl LameParameters {
+    /// Maximum Poisson's ratio. The volume is then almost constant.
+    pub const MAX_POISSONS_RATIO: f64 = 0.49;
+
+    /// The parameters, Pa, of a material with Young's modulus `youngs_modulus_pa`: μ = E/(2(1 + ν)), λ = E ν/((1 + ν)(1 − 2ν)).
+    ///
+    /// # Errors
+    /// [`LawError::YoungsModulus`] unless the modulus is finite and above 0; [`LawError::PoissonsRatio`] unless the ratio is from 0 to 0.49.
+    pub fn new(youngs_modulus_pa: f64, poissons_ratio: f64) -> Result<Self, LawError> {
+        let (e, nu) = (youngs_modulus_pa, poissons_ratio);
+        if !(e.is_finite() && e > 0.0) {
+            return Err(LawError::YoungsModulus(e));
+        }
+        if !(0.0..=Self::MAX_POISSONS_RATIO).contains(&nu) {
+            return Err(LawError::PoissonsRatio(nu));
+        }
+        Ok(Self { mu: e / (2.0 * (1.0 + nu)), lambda: e * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)) })
+    }
+
+    /// Both parameters times `factor`.
+    #[must_use]
+    pub fn scaled(self, factor: f64) -> Self {
+        Self { mu: factor * self.mu, lambda: factor * self.lambda }
+    }
+
+    /// Bulk modulus λ + 2μ/3.
+    #[must_use]
+    pub fn bulk(self) -> f64 {
+        self.lambda + 2.0 / 3.0 * self.mu
+    }
+}
+
+/// Derivative of the stress with respect to the deformation gradient: column c of δP is Σ_d `self[c][d]` · column d of δF.
+pub type StressTangent = [[DMat3; 3]; 3];
+
+/// Volume ratio below which the neo-Hookean pressure continues with a limit, and the range over which it approaches the limit.
+const FLAT: f64 = 0.3;
+const TO_LIMIT: f64 = 0.3;
+/// Minimum of the sum of two singular values in the derivative of a rotation, which is infinite where they cancel.
+const MIN_SUM: f64 = 1e-2;
+
+impl ElasticLaw {
+    /// Energy density W, in units of the parameters.
+    #[must_use]
+    pub fn energy(self, f: &DMat3, of: LameParameters) -> f64 {
+        match self {
+            Self::CorotationalLinear => {
+                let r = rotation(f);
+                let trace = inner(f, &r) - 3.0;
+                let strain = *f - r;
+                of.mu * inner(&strain, &strain) + 0.5 * of.lambda * trace * trace
+            }
+            Self::NeoHookean => {
+                0.5 * of.mu * (inner(f, f) - 3.0) + volumetric_energy(f.determinant(), of)
+            }
+        }
+    }
+
+    /// First Piola stress P, in units of the parameters.
+    #[must_use]
+    #[inline]
+    pub fn stress(self, f: &DMat3, of: LameParameters) -> DMat3 {
+        match self {
+            Self::CorotationalLinear => {
+                let r = rotation(f);
+                2.0 * of.mu * (*f - r) + of.lambda * (inner(f, &r) - 3.0) * r
+            }
+            Self::NeoHookean => {
+                let cofactor = cofactor(f);
+                let (slope, _) = volumetric_derivatives(f.x_axis.dot(cofactor.x_axis), of);
+                of.mu * *f + slope * cofactor
+            }
+        }
+    }
+
+    /// Derivative of the stress, in units of the parameters. With `clamped`, its positive semidefinite part.
+    ///
+    /// The derivative is diagonal in the directions of the singular values except for three scalings (T. Kim and D. Eberle, Dynamic Deformables,
+    /// SIGGRAPH courses 2020).
+    #[must_use]
+    pub fn tangent(self, f: &DMat3, of: LameParameters, clamped: bool) -> StressTangent {
+        let SingularValues { u, s, v } = SingularValues::of(f);
+        let others = [s[1] * s[2], s[2] * s[0], s[0] * s[1]];
+        // The derivatives by two scalings, and of the rotations and shears about each direction.
+        let (mut scalings, mut twists, mut flips) = ([[0.0; 3]; 3], [0.0; 3], [0.0; 3]);
+        match self {
+            Self::CorotationalLinear => {
+                let turning = of.lambda * (s.iter().sum::<f64>() - 3.0) - 2.0 * of.mu;
+                for i in 0..3 {
+                    scalings[i] = [of.lambda; 3];
+                    scalings[i][i] += 2.0 * of.mu;
+                    flips[i] = 2.0 * of.mu;
+                    let sum = s.iter().sum::<f64>() - s[i];
+                    twists[i] = 2.0 * (of.mu + turning / sum.max(MIN_SUM));
+                }
+            }
+            Self::NeoHookean => {
+                let (slope, curvature) = volumetric_derivatives(s[0] * others[0], of);
+                for i in 0..3 {
+                    for j in 0..3 {
+                        let between = if i == j { of.mu } else { slope * s[3 - i - j] };
+                        scalings[i][j] = curvature * others[i] * others[j] + between;
+                    }
+                    twists[i] = of.mu + slope * s[i];
+                    flips[i] = of.mu - slope * s[i];
+                }
+            }
+        }
+        if clamped {
+            scalings = positive_part(scalings);
+            twists.iter_mut().chain(&mut flips).for_each(|value| *value = value.max(0.0));
+        }
+        let mut tangent = [[DMat3::ZERO; 3]; 3];
+        let mut add = |value: f64, a: &DMat3, b: &DMat3| {
+            for (c, blocks) in tangent.iter_mut().enumerate() {
+                for (d, block) in blocks.iter_mut().enumerate() {
+                    *block += outer(value * a.col(c), b.col(d));
+                }
+            }
+        };
+        let along = [0, 1, 2].map(|i| outer(u.col(i), v.col(i)));
+        for i in 0..3 {
+            for j in 0..3 {
+                add(scalings[i][j], &along[i], &along[j]);
+            }
+            let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+            let (jk, kj) = (outer(u.col(j), v.col(k)), outer(u.col(k), v.col(j)));
+            let (twist, flip) = (jk - kj, jk + kj);
+            add(0.5 * twists[i], &twist, &twist);
+            add(0.5 * flips[i], &flip, &flip);
+        }
+        tangent
+    }
+
+    /// An upper bound of the eigenvalues of the derivative of the stress, in units of the parameters.
+    #[must_use]
+    pub fn stiffness_bound(self, f: &DMat3, of: LameParameters) -> f64 {
+        match self {
+            Self::CorotationalLinear => {
+                let linear = 2.0 * of.mu + 3.0 * of.lambda;
+                let s = SingularValues::of(f).s;
+                let turning = of.lambda * (s.iter().sum::<f64>() - 3.0) - 2.0 * of.mu;
+                linear.max(2.0 * (of.mu + turning / (s[1] + s[2]).max(MIN_SUM)))
+            }
+            Self::NeoHookean => {
+                let cofactor = cofactor(f);
+                let (slope, curvature) = volumetric_derivatives(f.x_axis.dot(cofactor.x_axis), of);
+                of.mu + slope.abs() * stretch2_bound(f).sqrt() + curvature * inner(&cofactor, &cofactor)
+            }
+        }
+    }
+}
+
+/// U = −μ ln J + λ/2 (ln J)² with its continuation, in units of the parameters.
+fn volumetric_energy(j: f64, of: LameParameters) -> f64 {
+    // NaN stays NaN.
+    let of_logarithm = |ln: f64| ln * (0.5 * of.lambda * ln - of.mu);
+    if !(j < FLAT) {
+        return of_logarithm(j.ln());
+    }
+    let (slope, curvature) = logarithmic_derivatives(FLAT, of);
+    let depth = FLAT - j;
+    let beyond = TO_LIMIT * (depth - TO_LIMIT * (depth / TO_LIMIT).ln_1p());
+    of_logarithm(FLAT.ln()) - slope * depth + curvature * beyond
+}
+
+/// dU/dJ and d²U/dJ².
+#[inline]
+fn volumetric_derivatives(j: f64, of: LameParameters) -> (f64, f64) {
+    if !(j < FLAT) {
+        return logarithmic_derivatives(j, of);
+    }
+    let (slope, curvature) = logarithmic_derivatives(FLAT, of);
+    let (depth, share) = (FLAT - j, TO_LIMIT / (TO_LIMIT + FLAT - j));
+    (slope - curvature * depth * share, curvature * share * share)
+}
+
+/// dU/dJ and d²U/dJ² without the continuation.
+#[inline]
+fn logarithmic_derivatives(j: f64, of: LameParameters) -> (f64, f64) {
+    let ln = j.ln();
+    ((of.lambda * ln - of.mu) / j, (of.lambda * (1.0 - ln) + of.mu) / (j * j))
+}
+
+/// An upper bound of the square of the largest singular value.
+pub(crate) fn stretch2_bound(f: &DMat3) -> f64 {
+    let [a, b, c] = [f.x_axis, f.y_axis, f.z_axis];
+    let (ab, bc, ca) = (a.dot(b).abs(), b.dot(c).abs(), c.dot(a).abs());
+    (a.length_squared() + ab + ca).max(b.length_squared() + ab + bc).max(c.length_squared() + bc + ca)
+}
+
+/// Σ a_ij b_ij.
+#[inline]
+pub(crate) fn inner(a: &DMat3, b: &DMat3) -> f64 {
+    a.x_axis.dot(b.x_axis) + a.y_axis.dot(b.y_axis) + a.z_axis.dot(b.z_axis)
+}
+
+#[inline]
+pub(crate) fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+#[cfg(test)]
+mod tests;
