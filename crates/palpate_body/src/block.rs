@@ -1,5 +1,6 @@
 //! A block: a regular lattice of nodes in three dimensions, each joined to its 26 neighbours.
 
+mod elements;
 mod slit;
 mod tissue;
 
@@ -222,11 +223,7 @@ impl Block {
                 links.push(Link { a, b, spring });
             }
         }
-        let is_fixed = |ijk: [usize; 3]| {
-            self.fixed.iter().any(|&face| self.on_face(ijk, face))
-                || self.fixed_within.iter().any(|region| region.contains(self.rest(ijk)))
-        };
-        let mut fixed: Vec<bool> = self.grid().map(is_fixed).collect();
+        let mut fixed = self.fixed_nodes();
         let mut surface = self.surface();
         let mut cells = self.cells();
         if let Some(slit) = self.slit {
@@ -251,6 +248,15 @@ impl Block {
         let network = if self.allow_free { network.allow_unconstrained() } else { network }.build()?;
         let grid = Grid::new(self.cell_m().element_product().cbrt(), youngs_modulus_pa);
         Ok(BlockBody { network: network.with_grid(change(grid)), surface })
+    }
+
+    /// Whether each node is fixed.
+    fn fixed_nodes(&self) -> Vec<bool> {
+        let is_fixed = |ijk: [usize; 3]| {
+            self.fixed.iter().any(|&face| self.on_face(ijk, face))
+                || self.fixed_within.iter().any(|region| region.contains(self.rest(ijk)))
+        };
+        self.grid().map(is_fixed).collect()
     }
 
     /// All (i, j, k), in the order of their indices.

@@ -400,13 +400,14 @@ impl Body {
         Ok(())
     }
 
-    /// Writes the internal force (springs, dampers and volume barriers) on every node to `force_n`, N.
+    /// Writes the internal force (springs, dampers, elements and volume barriers) on every node to `force_n`, N.
     ///
     /// # Panics
     /// If `force_n` does not have one entry for each node.
     pub fn internal_forces_n(&self, force_n: &mut [DVec3]) {
         assert_eq!(force_n.len(), self.x.len(), "one force for each node");
         spring_forces(&self.network, &self.x, &self.v, force_n);
+        self.network.hexahedra().add_forces(&self.x, &self.v, force_n);
         self.network.barriers().add_all_forces(&self.x, force_n);
     }
 
@@ -419,6 +420,7 @@ impl Body {
             let f = link.spring.force_on_a(self.x[link.b] - self.x[link.a], self.v[link.b] - self.v[link.a]);
             sum += if link.a == node { f } else { -f };
         }
+        sum += self.network.hexahedra().force_on_n(&self.x, &self.v, node);
         match self.network.barriers().force_on_n(&self.x, node) {
             Some(force) => sum + force,
             None => sum,

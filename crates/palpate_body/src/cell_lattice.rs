@@ -12,7 +12,6 @@ mod material;
 pub(crate) use embedding::Embedding;
 pub use kept_cells::MeshCells;
 
-use crate::cell_tissue::check_tissue;
 use crate::touch_surface::TouchSurface;
 use crate::{
     BodyError, CellSize, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface,
@@ -288,8 +287,8 @@ impl<'a> CellLattice<'a> {
     /// [`MeshError::EmptyRegion`] for a region without any part of the body; [`MeshError::TooManyNodes`] beyond
     /// [`CellLattice::MAX_NODES`].
     pub fn tissue(&self, tissue: &Tissue) -> Result<MeshBody, BodyError> {
-        check_tissue(tissue)?;
-        self.regions.iter().try_for_each(|(_, other)| check_tissue(other))?;
+        tissue.validate()?;
+        self.regions.iter().try_for_each(|(_, other)| other.validate())?;
         let (mesh, grid) = (self.mesh, self.grid);
         let parts = self.parts()?;
         let kept = KeptCells::choose(&grid, &parts);

@@ -1,18 +1,10 @@
 //! Tissue of the cells of a lattice with regions of other tissue.
 
-use crate::error::{check_damping_ratio, check_positive};
 use crate::{BodyError, MeshError, Region, Tissue};
 use glam::DVec3;
 
 /// Number of samples of the tissue along each side of a cell.
 const SAMPLES: usize = 4;
-
-/// Checks the parameters of a tissue.
-pub(crate) fn check_tissue(tissue: &Tissue) -> Result<(), BodyError> {
-    check_positive("density, kg/m3", tissue.density_kg_per_m3)?;
-    check_positive("Young's modulus, Pa", tissue.youngs_modulus_pa)?;
-    check_damping_ratio(tissue.damping_ratio).map(drop)
-}
 
 /// Mean tissue of each cell over those of 4 × 4 × 4 samples that are inside the body, or over all if none is. The last region that contains
 /// a sample applies.
@@ -39,27 +31,58 @@ pub(crate) fn cell_tissues(
         let all = || crate::lattice::grid([SAMPLES; 3]).map(at_sample);
         let inside: Vec<DVec3> = all().filter(|at_m| is_inside(cell, *at_m)).collect();
         let samples = if inside.is_empty() { all().collect() } else { inside };
-        let total = samples.len() as f64;
-        let mut sum = Tissue { youngs_modulus_pa: 0.0, density_kg_per_m3: 0.0, damping_ratio: 0.0 };
+        let mut counts = vec![0_usize; regions.len() + 1];
         for at_m in samples {
-            let mut own = tissue;
-            for (index, (region, other)) in regions.iter().enumerate() {
+            let mut own = 0;
+            for (index, (region, _)) in regions.iter().enumerate() {
                 if region.contains(at_m) {
                     held[index] = true;
-                    own = other;
+                    own = index + 1;
                 }
             }
-            sum.youngs_modulus_pa += own.youngs_modulus_pa / total;
-            sum.density_kg_per_m3 += own.density_kg_per_m3 / total;
-            sum.damping_ratio += own.damping_ratio / total;
+            counts[own] += 1;
         }
-        sum
+        let of = |index: usize| index.checked_sub(1).map_or(tissue, |region| &regions[region].1);
+        mean_tissue(
+            counts.iter().enumerate().filter(|(_, n)| **n > 0).map(|(index, n)| (of(index), *n as f64)),
+        )
     };
     let tissues = places.enumerate().map(mean).collect();
     match held.iter().position(|held| !held) {
         Some(index) => Err(MeshError::EmptyRegion { what: "region of tissue", index, cell_m }.into()),
         None => Ok(tissues),
     }
+}
+
+/// Mean of tissues with weights. Elastic moduli are averaged, as for a common strain; the law is that of the greatest weight.
+fn mean_tissue<'a>(parts: impl Iterator<Item = (&'a Tissue, f64)> + Clone) -> Tissue {
+    let total: f64 = parts.clone().map(|(_, weight)| weight).sum();
+    let mean =
+        |value: fn(&Tissue) -> f64| parts.clone().map(|(of, weight)| weight / total * value(of)).sum::<f64>();
+    let mut heaviest = (Tissue::default(), 0.0);
+    let mut is_one_ratio = true;
+    for (of, weight) in parts.clone() {
+        is_one_ratio &= heaviest.1 == 0.0 || of.poissons_ratio == heaviest.0.poissons_ratio;
+        if weight > heaviest.1 {
+            heaviest = (*of, weight);
+        }
+    }
+    let mut tissue = Tissue {
+        youngs_modulus_pa: mean(|of| of.youngs_modulus_pa),
+        density_kg_per_m3: mean(|of| of.density_kg_per_m3),
+        damping_ratio: mean(|of| of.damping_ratio),
+        ..heaviest.0
+    };
+    if !is_one_ratio {
+        let mu = mean(|of| of.youngs_modulus_pa / (2.0 * (1.0 + of.poissons_ratio)));
+        let lambda = mean(|of| {
+            let nu = of.poissons_ratio;
+            of.youngs_modulus_pa * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
+        });
+        tissue.poissons_ratio = lambda / (2.0 * (lambda + mu));
+        tissue.youngs_modulus_pa = mu * (3.0 * lambda + 2.0 * mu) / (lambda + mu);
+    }
+    tissue
 }
 
 /// Cells that have both the node at `ijk` and the node one `step` from it.

@@ -8,14 +8,17 @@ use crate::Link;
 use glam::{DMat3, DVec3};
 use palpate_laws::VolumeBarrier;
 
-/// The hexahedral cells of a network. Each of the ten tetrahedra of a cell has a volume barrier; see
-/// [`VolumeBarrier`].
+/// The hexahedral cells of a network. Each of the ten tetrahedra of a cell of springs has a volume barrier; see
+/// [`VolumeBarrier`]. Elements resist inversion by their own law, and their cells have none.
 ///
 /// Corner c of a cell lies towards +x where bit 0 of c is set, +y with bit 1, +z with bit 2.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Cells {
     nodes: Vec<[usize; 8]>,
+    /// Volume barriers of each cell; those of elements do not act.
     barriers: Vec<[VolumeBarrier; TETRAHEDRA.len()]>,
+    /// Number of cells of springs, the first ones.
+    with_barriers: usize,
     /// Cells of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
     incident: Vec<usize>,
     incident_start: Vec<usize>,
@@ -47,6 +50,35 @@ const TETRAHEDRA: [[usize; 4]; 10] = [
     [0, 3, 5, 6],
     [7, 4, 2, 1],
 ];
+
+/// E V of cells of springs, J: (1/V) Σ k ℓ² = 6 E in an isotropic lattice. Cells share a spring equally.
+pub(crate) fn spring_energies_j(
+    cells: &[[usize; 8]],
+    rest_m: &[DVec3],
+    links: &[Link],
+    (incident, incident_start): (&[usize], &[usize]),
+) -> Vec<f64> {
+    let springs_of = |cell: &[usize; 8]| -> Vec<usize> {
+        let mut inside: Vec<usize> = Vec::with_capacity(28);
+        for &node in cell {
+            let around = &incident[incident_start[node]..incident_start[node + 1]];
+            // Each spring once, from its end a.
+            inside.extend(around.iter().filter(|&&l| links[l].a == node && cell.contains(&links[l].b)));
+        }
+        inside
+    };
+    let mut sharing = vec![0_u32; links.len()];
+    cells.iter().flat_map(springs_of).for_each(|link| sharing[link] += 1);
+    let energy = |cell: &[usize; 8]| {
+        let k_l2 = springs_of(cell).into_iter().map(|l| {
+            let length_m = rest_m[links[l].a].distance(rest_m[links[l].b]);
+            let tension = links[l].spring.law().at(length_m - links[l].spring.rest_length_m());
+            tension.stiffness_n_per_m * length_m * length_m / f64::from(sharing[l])
+        });
+        k_l2.sum::<f64>() / 6.0
+    };
+    cells.iter().map(energy).collect()
+}
 
 fn edges_m(x: &[DVec3], [o, a, b, c]: [usize; 4]) -> [DVec3; 3] {
     [x[a] - x[o], x[b] - x[o], x[c] - x[o]]
@@ -90,58 +122,35 @@ impl BarrierTetrahedron {
 }
 
 impl Cells {
-    /// Creates the cells with the given nodes. A cell without volume at rest or without springs has no barrier and is
-    /// omitted.
+    /// Creates cells of springs with the given nodes and energies E V, J, and those of elements. A cell without volume at rest or without
+    /// energy is omitted.
     ///
-    /// The energy scales c of the tetrahedra of a cell sum to E V of its tissue. The barrier then has a pressure of
-    /// 1.04 E at J = 0 and of 2 E at J = −0.5; the springs of a flat cell pull with up to 0.55 E towards the inverted
-    /// side. E V follows from the springs: (1/V) Σ k ℓ² = 6 E in an isotropic lattice. Cells share a spring equally.
+    /// The energy scales c of the tetrahedra of a cell sum to E V. The barrier then has a pressure of 1.04 E at J = 0 and of 2 E at J = −0.5;
+    /// the springs of a flat cell pull with up to 0.55 E towards the inverted side.
     pub(crate) fn new(
-        nodes: Vec<[usize; 8]>,
+        of_springs: impl Iterator<Item = ([usize; 8], f64)>,
+        of_elements: impl Iterator<Item = [usize; 8]>,
         rest_m: &[DVec3],
-        links: &[Link],
-        (incident, incident_start): (&[usize], &[usize]),
     ) -> Self {
-        let springs_of = |cell: &[usize; 8]| -> Vec<usize> {
-            let mut inside: Vec<usize> = Vec::with_capacity(28);
-            for &node in cell {
-                let around = &incident[incident_start[node]..incident_start[node + 1]];
-                // Each spring once, from its end a.
-                inside.extend(around.iter().filter(|&&l| links[l].a == node && cell.contains(&links[l].b)));
-            }
-            inside
-        };
-        let mut sharing = vec![0_u32; links.len()];
-        nodes.iter().flat_map(springs_of).for_each(|link| sharing[link] += 1);
-        let mut cells = Self { shortest_m: f64::INFINITY, ..Self::default() };
-        for cell in nodes {
-            let k_l2: f64 = springs_of(&cell)
-                .into_iter()
-                .map(|l| {
-                    let length_m = rest_m[links[l].a].distance(rest_m[links[l].b]);
-                    let k = links[l]
-                        .spring
-                        .law()
-                        .at(length_m - links[l].spring.rest_length_m())
-                        .stiffness_n_per_m;
-                    k * length_m * length_m / f64::from(sharing[l])
-                })
-                .sum();
-            let energy_j = k_l2 / 6.0 / TETRAHEDRA.len() as f64;
+        let mut made = Self { shortest_m: f64::INFINITY, ..Self::default() };
+        let of_springs = of_springs.map(|(cell, energy_j)| (cell, Some(energy_j / TETRAHEDRA.len() as f64)));
+        for (cell, spring_energy_j) in of_springs.chain(of_elements.map(|cell| (cell, None))) {
+            let energy_j = spring_energy_j.unwrap_or(1.0);
             let rest = |of: [usize; 4]| edges_m(rest_m, of.map(|corner| cell[corner]));
             let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g), Some(h), Some(i), Some(j)] =
                 TETRAHEDRA.map(|of| VolumeBarrier::new(rest(of), energy_j))
             else {
                 continue;
             };
-            cells.barriers.push([a, b, c, d, e, f, g, h, i, j]);
+            made.barriers.push([a, b, c, d, e, f, g, h, i, j]);
             for edge in TETRAHEDRA.into_iter().flat_map(rest) {
-                cells.shortest_m = cells.shortest_m.min(edge.length());
+                made.shortest_m = made.shortest_m.min(edge.length());
             }
-            cells.nodes.push(cell);
+            made.nodes.push(cell);
+            made.with_barriers += usize::from(spring_energy_j.is_some());
         }
-        cells.find_incidence(rest_m.len());
-        cells
+        made.find_incidence(rest_m.len());
+        made
     }
 
     fn find_incidence(&mut self, nodes: usize) {
@@ -179,6 +188,11 @@ impl Cells {
         }
     }
 
+    /// Whether the barriers of `cell` may act.
+    fn has_barriers(&self, cell: usize) -> bool {
+        cell < self.with_barriers
+    }
+
     fn tetrahedra(&self, cell: usize) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
         let nodes = &self.nodes[cell];
         TETRAHEDRA
@@ -187,9 +201,9 @@ impl Cells {
             .map(|(of, &barrier)| BarrierTetrahedron { nodes: of.map(|corner| nodes[corner]), barrier })
     }
 
-    /// All tetrahedra, cell by cell.
+    /// All tetrahedra with barriers that may act, cell by cell.
     pub(crate) fn all_tetrahedra(&self) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
-        (0..self.nodes.len()).flat_map(|cell| self.tetrahedra(cell))
+        (0..self.with_barriers).flat_map(|cell| self.tetrahedra(cell))
     }
 
     /// Tetrahedra whose volume ratio is below `ratio` at the positions `x`.
@@ -212,7 +226,8 @@ impl Cells {
     /// Force of the barriers on `node`, N; `None` if no barrier acts.
     pub(crate) fn force_on_n(&self, x: &[DVec3], node: usize) -> Option<DVec3> {
         let mut sum = None;
-        for tetrahedron in self.cells_of(node).iter().flat_map(|&cell| self.tetrahedra(cell)) {
+        let cells = self.cells_of(node).iter().filter(|cell| self.has_barriers(**cell));
+        for tetrahedron in cells.flat_map(|&cell| self.tetrahedra(cell)) {
             let place = tetrahedron.nodes.iter().position(|&other| other == node);
             if let Some(place) = place.filter(|_| VolumeBarrier::is_active(tetrahedron.ratio(x))) {
                 *sum.get_or_insert(DVec3::ZERO) += tetrahedron.forces_n(x)[place];
@@ -234,7 +249,7 @@ impl Cells {
 
     /// Adds the forces of all barriers, N.
     pub(crate) fn add_all_forces(&self, x: &[DVec3], force: &mut [DVec3]) {
-        (0..self.nodes.len()).for_each(|cell| self.add_forces(cell, x, force));
+        (0..self.with_barriers).for_each(|cell| self.add_forces(cell, x, force));
     }
 
     /// Energy of all barriers, J.

@@ -7,7 +7,7 @@ use glam::DVec3;
 pub struct Energy {
     /// Kinetic energy of the nodes.
     pub kinetic_j: f64,
-    /// Elastic energy of springs and volume barriers.
+    /// Elastic energy of springs, elements and volume barriers.
     pub elastic_j: f64,
     /// Potential energy −Σ m g·(x − x_rest); zero at rest.
     pub gravitational_j: f64,

@@ -75,6 +75,24 @@ pub enum BodyError {
         /// Index of the other node.
         b: usize,
     },
+    /// An element refers to a node that does not exist.
+    #[error("element {element} has node {node}, but there are only {nodes} nodes (0 to {})", .nodes.saturating_sub(1))]
+    ElementNode {
+        /// Index of the element.
+        element: usize,
+        /// Index of the node.
+        node: usize,
+        /// Number of nodes.
+        nodes: usize,
+    },
+    /// An element has no volume, or is inverted at rest.
+    #[error(
+        "element {element} is flat or inverted at rest; its corners must be in order and enclose a volume"
+    )]
+    ElementShape {
+        /// Index of the element.
+        element: usize,
+    },
     /// A node to be fixed does not exist.
     #[error("node {node} cannot be fixed: there are only {nodes} nodes (0 to {})", .nodes.saturating_sub(1))]
     Fixed {

@@ -71,7 +71,7 @@ impl Integrator {
     /// Bounds of the rates of springs and dampers; `None` for an unconditionally stable integrator.
     pub(crate) fn spring_rates(&self, state: NetworkState<'_>) -> Option<Rates> {
         match self {
-            Self::SemiImplicitEuler(_) => Some(Rates::of_springs(state)),
+            Self::SemiImplicitEuler(settings) => Some(settings.rates(state)),
             Self::LinearlyImplicitEuler(_) => None,
         }
     }

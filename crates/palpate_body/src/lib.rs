@@ -116,6 +116,7 @@ mod eigenvalue;
 mod energy;
 mod error;
 mod face;
+mod hexahedra;
 mod implausible_size;
 mod impulse_response;
 mod integrator;
@@ -152,6 +153,7 @@ pub use closed_mesh::{ClosedMesh, MeshAssumptions, MeshClosing, MeshError, MeshR
 pub use energy::{Energy, EnergyBalance};
 pub use error::{BodyError, JointStepError};
 pub use face::Face;
+pub use hexahedra::{Hexahedra, Hexahedron};
 pub use implausible_size::ImplausibleSize;
 pub use integrator::{Integrator, LinearSolver, LinearlyImplicitEuler, SemiImplicitEuler, SolvedBy};
 pub use lattice::{Lattice, Neighbours};
@@ -163,7 +165,7 @@ pub use obstacle::{
     CoupledMotion, Obstacle, ObstacleContact, ObstacleReaction, RigidMass, RigidMotion, RigidResponse,
 };
 pub use optimization::is_optimized;
-pub use palpate_laws::{ToolShape, VirtualCoupling, VolumeBarrier};
+pub use palpate_laws::{ElasticLaw, ToolShape, VirtualCoupling, VolumeBarrier};
 pub use region::Region;
 pub use skin::Skin;
 pub use surface::{ClosestPoint, ContactSurface, Surface, SurfaceTree};

@@ -1,4 +1,4 @@
-//! A network of point masses, springs and dampers: a body without its state.
+//! A network of point masses with the springs, dampers and elements between them: a body without its state.
 
 mod builder;
 mod grid;
@@ -6,12 +6,11 @@ mod state;
 
 pub use builder::NetworkBuilder;
 pub use grid::Grid;
-pub(crate) use grid::POISSONS_RATIO;
 pub(crate) use state::NetworkState;
 
-use crate::cells::Cells;
+use crate::cells::{Cells, spring_energies_j};
 use crate::error::check;
-use crate::{BodyError, Link};
+use crate::{BodyError, Hexahedra, Link};
 use glam::{DQuat, DVec3};
 use std::collections::HashMap;
 
@@ -21,12 +20,13 @@ struct NetworkParts {
     mass_kg: Vec<f64>,
     fixed: Vec<bool>,
     links: Vec<Link>,
-    /// Nodes of each hexahedral cell.
+    /// Nodes of each hexahedral cell of springs.
     cells: Vec<[usize; 8]>,
+    hexahedra: Hexahedra,
     allow_free: bool,
 }
 
-/// Nodes with masses and rest positions, some of them fixed, and the links between them. Immutable once built.
+/// Nodes with masses and rest positions, some of them fixed, and the links and elements between them. Immutable once built.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Network {
     rest_m: Vec<DVec3>,
@@ -38,6 +38,10 @@ pub struct Network {
     /// Incident links of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
     incident: Vec<usize>,
     incident_start: Vec<usize>,
+    /// Nodes that share a link or an element with node i: `neighbour[neighbour_start[i]..neighbour_start[i + 1]]`.
+    neighbour: Vec<u32>,
+    neighbour_start: Vec<usize>,
+    hexahedra: Hexahedra,
     cells: Cells,
     allow_free: bool,
     linear: bool,
@@ -56,11 +60,12 @@ impl Network {
         fixed: Vec<bool>,
         links: Vec<Link>,
     ) -> Result<Self, BodyError> {
-        Self::assemble(NetworkParts { rest_m, mass_kg, fixed, links, cells: Vec::new(), allow_free: false })
+        let (cells, hexahedra) = (Vec::new(), Hexahedra::default());
+        Self::assemble(NetworkParts { rest_m, mass_kg, fixed, links, cells, hexahedra, allow_free: false })
     }
 
     fn assemble(parts: NetworkParts) -> Result<Self, BodyError> {
-        let NetworkParts { rest_m, mass_kg, fixed, links, cells, allow_free } = parts;
+        let NetworkParts { rest_m, mass_kg, fixed, links, cells, mut hexahedra, allow_free } = parts;
         validate_nodes(&rest_m, &mass_kg, &fixed)?;
         validate_links(&links, &rest_m)?;
         let free: Vec<usize> = (0..rest_m.len()).filter(|&i| !fixed[i]).collect();
@@ -69,8 +74,12 @@ impl Network {
             free_index[node] = Some(index);
         }
         let (incident, incident_start) = incidence(&links, rest_m.len());
-        let cells = Cells::new(cells, &rest_m, &links, (&incident, &incident_start));
-        let linear = links.iter().all(|link| link.spring.law().is_linear());
+        hexahedra.find_incidence(rest_m.len());
+        let energies_j = spring_energies_j(&cells, &rest_m, &links, (&incident, &incident_start));
+        let of_elements = hexahedra.iter().map(|of| of.nodes);
+        let cells = Cells::new(cells.into_iter().zip(energies_j), of_elements, &rest_m);
+        let (neighbour, neighbour_start) = neighbours(&links, (&incident, &incident_start), &hexahedra);
+        let linear = links.iter().all(|link| link.spring.law().is_linear()) && hexahedra.is_empty();
         let network = Self {
             rest_m,
             mass_kg,
@@ -80,6 +89,9 @@ impl Network {
             free_index,
             incident,
             incident_start,
+            neighbour,
+            neighbour_start,
+            hexahedra,
             cells,
             allow_free,
             linear,
@@ -130,6 +142,7 @@ impl Network {
         let far = translation_m.abs().max_element();
         check("translation, m", far, translation_m.is_finite(), "finite")?;
         self.rest_m.iter_mut().for_each(|x| *x = rotation * *x + translation_m);
+        self.hexahedra.turn(rotation);
         self.grid = self.grid.map(|grid| grid.turned(rotation));
         Ok(self)
     }
@@ -177,7 +190,13 @@ impl Network {
         &self.links
     }
 
-    /// Whether the force of every spring is proportional to its extension.
+    /// Hexahedral elements.
+    #[must_use]
+    pub fn hexahedra(&self) -> &Hexahedra {
+        &self.hexahedra
+    }
+
+    /// Whether the force of every spring is proportional to its extension, and there are no elements.
     #[must_use]
     pub fn is_linear(&self) -> bool {
         self.linear
@@ -195,7 +214,7 @@ impl Network {
         self.free_index[node]
     }
 
-    /// Nodes of each hexahedral cell with volume barriers. Corner c of a cell lies towards +x if bit 0 of c is set,
+    /// Nodes of each hexahedral cell, of springs with volume barriers or of an element. Corner c of a cell lies towards +x if bit 0 of c is set,
     /// +y with bit 1, +z with bit 2, before the network is placed. Blocks and cell lattices have cells; other
     /// networks have none.
     #[must_use]
@@ -213,13 +232,40 @@ impl Network {
         &self.incident[self.incident_start[node]..self.incident_start[node + 1]]
     }
 
-    /// Nodes linked to `node`.
+    /// Nodes that share a link or an element with `node`.
     pub fn neighbours(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
-        self.incident_links(node).iter().map(move |&link| {
-            let Link { a, b, .. } = self.links[link];
-            if a == node { b } else { a }
-        })
+        self.neighbour[self.neighbour_range(node)].iter().map(|other| *other as usize)
     }
+
+    /// Range of the neighbours of `node` in a list of those of all nodes.
+    pub(crate) fn neighbour_range(&self, node: usize) -> std::ops::Range<usize> {
+        self.neighbour_start[node]..self.neighbour_start[node + 1]
+    }
+}
+
+/// Nodes that share a link or an element with each node, and where they start: first the linked ones in the order of the links.
+fn neighbours(
+    links: &[Link],
+    (incident, incident_start): (&[usize], &[usize]),
+    hexahedra: &Hexahedra,
+) -> (Vec<u32>, Vec<usize>) {
+    let (mut neighbour, mut start) = (Vec::with_capacity(incident.len()), vec![0]);
+    for node in 0..incident_start.len() - 1 {
+        let first = neighbour.len();
+        for &link in &incident[incident_start[node]..incident_start[node + 1]] {
+            let Link { a, b, .. } = links[link];
+            neighbour.push(if a == node { b } else { a } as u32);
+        }
+        let linked = neighbour.len();
+        let corners = hexahedra.incident(node).flat_map(|element| hexahedra.get(element).nodes);
+        let mut mates: Vec<u32> = corners.map(|other| other as u32).collect();
+        mates.sort_unstable();
+        mates.dedup();
+        mates.retain(|other| *other as usize != node && !neighbour[first..linked].contains(other));
+        neighbour.extend(mates);
+        start.push(neighbour.len());
+    }
+    (neighbour, start)
 }
 
 fn validate_nodes(rest_m: &[DVec3], mass_kg: &[f64], fixed: &[bool]) -> Result<(), BodyError> {

@@ -126,8 +126,16 @@ impl Spaced {
     }
 }
 
+/// Mean length of the links at rest, or without links mean distance of the nodes that share an element.
 fn mean_link_m(network: &Network) -> f64 {
     let rest = network.rest_m();
-    let sum: f64 = network.links().iter().map(|link| rest[link.a].distance(rest[link.b])).sum();
-    sum / network.links().len().max(1) as f64
+    let mean = |lengths_m: &mut dyn Iterator<Item = f64>| {
+        let (sum, count) = lengths_m.fold((0.0, 0_usize), |(sum, count), length| (sum + length, count + 1));
+        sum / count.max(1) as f64
+    };
+    if network.links().is_empty() {
+        let of = |node| network.neighbours(node).map(move |other| rest[node].distance(rest[other]));
+        return mean(&mut (0..rest.len()).flat_map(of));
+    }
+    mean(&mut network.links().iter().map(|link| rest[link.a].distance(rest[link.b])))
 }

@@ -1,16 +1,22 @@
 //! The exact sparse tangent of internal forces.
 
-use crate::Network;
+use crate::{Hexahedron, Network};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
 use glam::{DMat3, DVec3};
+use palpate_laws::HexahedronBlocks;
 
-/// Sparsity pattern of a network's tangent. It is computed once, since the links of a body never change. Degree of
+/// Sparsity pattern of a network's tangent. It is computed once, since the links and elements of a body never change. Degree of
 /// freedom 3 f + c is component c of node `network.free()[f]`.
 #[derive(Clone, Debug)]
 pub struct TangentPattern {
     symbolic: SymbolicSparseColMat<usize>,
     links: Vec<LinkSlots>,
+    /// First entries of the blocks of each hexahedron, by columns; [`NO_ENTRY`] where a corner is fixed.
+    hexahedra: Vec<[[u32; 8]; 8]>,
 }
+
+/// No entry of the matrix.
+const NO_ENTRY: u32 = u32::MAX;
 
 /// Stiffness K and damping B over the free nodes of a body in one state: the internal force changes by −K δx − B δv.
 ///
@@ -84,7 +90,16 @@ impl TangentPattern {
                 }
             })
             .collect();
-        Self { symbolic: SymbolicSparseColMat::new_checked(dofs, dofs, starts, None, rows), links }
+        let of_element = |element: Hexahedron<'_>| {
+            let free = element.nodes.map(|node| network.free_index(node));
+            let first = |column: Option<usize>, row: Option<usize>| {
+                row.zip(column).map_or(NO_ENTRY, |(row, column)| slot(row, column).first as u32)
+            };
+            free.map(|column| free.map(|row| first(column, row)))
+        };
+        let hexahedra = network.hexahedra().iter().map(of_element).collect();
+        let symbolic = SymbolicSparseColMat::new_checked(dofs, dofs, starts, None, rows);
+        Self { symbolic, links, hexahedra }
     }
 
     /// Creates a zero tangent with this pattern.
@@ -98,7 +113,7 @@ impl TangentPattern {
         }
     }
 
-    /// [`TangentPattern::fill`] for given positions, with separate clamping for springs and for volume barriers.
+    /// [`TangentPattern::fill`] for given positions, with separate clamping for springs and elements, and for volume barriers.
     pub(crate) fn fill_at(
         &self,
         network: &Network,
@@ -125,6 +140,23 @@ impl TangentPattern {
                     ab.add(-block, values);
                     ba.add(-block, values);
                 }
+            }
+        }
+        for (element, first) in network.hexahedra().iter().zip(&self.hexahedra) {
+            let strides = element.nodes.map(|node| {
+                network.free_index(node).map_or(0, |column| self.symbolic.col_range(3 * column).len())
+            });
+            let add = |blocks: &HexahedronBlocks, values: &mut [f64]| {
+                for (column, (of_column, stride)) in first.iter().zip(strides).enumerate() {
+                    for (row, first) in of_column.iter().enumerate().filter(|(_, first)| **first != NO_ENTRY)
+                    {
+                        Slot { first: *first as usize, stride }.add(blocks[row][column], values);
+                    }
+                }
+            };
+            add(&element.stiffness_n_per_m(x, springs_clamped), &mut tangent.stiffness);
+            if let Some(blocks) = element.damping_ns_per_m(x) {
+                add(&blocks, &mut tangent.damping);
             }
         }
         for tetrahedron in network.barriers().active_tetrahedra(x) {

@@ -4,6 +4,7 @@ mod closest;
 mod coupled_obstacles;
 mod coupling;
 mod elasticity;
+mod elements;
 mod facing;
 mod indentation;
 mod inversion;

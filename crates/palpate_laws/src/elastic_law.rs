@@ -16,8 +16,9 @@ pub enum ElasticLaw {
     /// Compressible neo-Hookean solid: W = μ/2 (I₁ − 3) − μ ln J + λ/2 (ln J)², with I₁ = |F|² and J = det F (J. Bonet and R. D. Wood,
     /// Nonlinear Continuum Mechanics, section 6.4.3).
     ///
-    /// Below J = 0.3 the pressure −dU/dJ, U = −μ ln J + λ/2 (ln J)², continues with its slope and grows to a limit: W is defined for flat and
-    /// inverted elements, and restores them.
+    /// With the singular values σ_i of F, ln J is the sum of ln σ_i. Below σ = 0.25 each logarithm continues with its slope and curvature, and
+    /// its slope grows to a limit (the principle of G. Irving, J. Teran and R. Fedkiw, SCA 2004): W is finite for flat and inverted elements,
+    /// whose last singular value is negative, and restores them.
     #[default]
     NeoHookean,
 }
@@ -56,6 +57,12 @@ impl LameParameters {
         Self { mu: factor * self.mu, lambda: factor * self.lambda }
     }
 
+    /// Young's modulus μ (3λ + 2μ)/(λ + μ).
+    #[must_use]
+    pub fn youngs_modulus(self) -> f64 {
+        self.mu * (3.0 * self.lambda + 2.0 * self.mu) / (self.lambda + self.mu)
+    }
+
     /// Bulk modulus λ + 2μ/3.
     #[must_use]
     pub fn bulk(self) -> f64 {
@@ -66,11 +73,13 @@ impl LameParameters {
 /// Derivative of the stress with respect to the deformation gradient: column c of δP is Σ_d `self[c][d]` · column d of δF.
 pub type StressTangent = [[DMat3; 3]; 3];
 
-/// Volume ratio below which the neo-Hookean pressure continues with a limit, and the range over which it approaches the limit.
-const FLAT: f64 = 0.3;
-const TO_LIMIT: f64 = 0.3;
+/// Stretch below which the neo-Hookean logarithm continues with a limited slope, and the range over which it approaches the limit.
+const FLAT: f64 = 0.25;
+const TO_LIMIT: f64 = 0.25;
 /// Minimum of the sum of two singular values in the derivative of a rotation, which is infinite where they cancel.
 const MIN_SUM: f64 = 1e-2;
+/// Difference between two stretches below which a difference quotient is a derivative.
+const NEARLY_EQUAL: f64 = 1e-6;
 
 impl ElasticLaw {
     /// Energy density W, in units of the parameters.
@@ -84,7 +93,10 @@ impl ElasticLaw {
                 of.mu * inner(&strain, &strain) + 0.5 * of.lambda * trace * trace
             }
             Self::NeoHookean => {
-                0.5 * of.mu * (inner(f, f) - 3.0) + volumetric_energy(f.determinant(), of)
+                let size2 = inner(f, f);
+                let ln = logarithm_of_volume(f.determinant(), size2)
+                    .unwrap_or_else(|| SingularValues::of(f).s.map(|s| logarithm(s).0).iter().sum());
+                0.5 * of.mu * (size2 - 3.0) + ln * (0.5 * of.lambda * ln - of.mu)
             }
         }
     }
@@ -100,8 +112,15 @@ impl ElasticLaw {
             }
             Self::NeoHookean => {
                 let cofactor = cofactor(f);
-                let (slope, _) = volumetric_derivatives(f.x_axis.dot(cofactor.x_axis), of);
-                of.mu * *f + slope * cofactor
+                let j = f.x_axis.dot(cofactor.x_axis);
+                if let Some(ln) = logarithm_of_volume(j, inner(f, f)) {
+                    return of.mu * *f + (of.lambda * ln - of.mu) / j * cofactor;
+                }
+                let SingularValues { u, s, v } = SingularValues::of(f);
+                let logarithms = s.map(logarithm);
+                let ln: f64 = logarithms.iter().map(|of| of.0).sum();
+                let slopes = DVec3::from_array(logarithms.map(|of| of.1));
+                of.mu * *f + u * DMat3::from_diagonal((of.lambda * ln - of.mu) * slopes) * v.transpose()
             }
         }
     }
@@ -113,29 +132,31 @@ impl ElasticLaw {
     #[must_use]
     pub fn tangent(self, f: &DMat3, of: LameParameters, clamped: bool) -> StressTangent {
         let SingularValues { u, s, v } = SingularValues::of(f);
-        let others = [s[1] * s[2], s[2] * s[0], s[0] * s[1]];
         // The derivatives by two scalings, and of the rotations and shears about each direction.
         let (mut scalings, mut twists, mut flips) = ([[0.0; 3]; 3], [0.0; 3], [0.0; 3]);
         match self {
             Self::CorotationalLinear => {
-                let turning = of.lambda * (s.iter().sum::<f64>() - 3.0) - 2.0 * of.mu;
+                let pull = of.lambda * (s.iter().sum::<f64>() - 3.0) - 2.0 * of.mu;
                 for i in 0..3 {
                     scalings[i] = [of.lambda; 3];
                     scalings[i][i] += 2.0 * of.mu;
                     flips[i] = 2.0 * of.mu;
-                    let sum = s.iter().sum::<f64>() - s[i];
-                    twists[i] = 2.0 * (of.mu + turning / sum.max(MIN_SUM));
+                    twists[i] = 2.0 * of.mu + pull * over_sum(2.0, s[(i + 1) % 3] + s[(i + 2) % 3]);
                 }
             }
             Self::NeoHookean => {
-                let (slope, curvature) = volumetric_derivatives(s[0] * others[0], of);
+                let logarithms = s.map(logarithm);
+                let pull = of.lambda * logarithms.iter().map(|of| of.0).sum::<f64>() - of.mu;
                 for i in 0..3 {
+                    let (_, slope, curvature) = logarithms[i];
                     for j in 0..3 {
-                        let between = if i == j { of.mu } else { slope * s[3 - i - j] };
-                        scalings[i][j] = curvature * others[i] * others[j] + between;
+                        let own = if i == j { of.mu + pull * curvature } else { 0.0 };
+                        scalings[i][j] = of.lambda * slope * logarithms[j].1 + own;
                     }
-                    twists[i] = of.mu + slope * s[i];
-                    flips[i] = of.mu - slope * s[i];
+                    let (j, k) = ((i + 1) % 3, (i + 2) % 3);
+                    let (a, b) = (logarithms[j].1, logarithms[k].1);
+                    twists[i] = of.mu + pull * over_sum(a + b, s[j] + s[k]);
+                    flips[i] = of.mu + pull * slope_of_slope(s[j], s[k]);
                 }
             }
         }
@@ -172,47 +193,72 @@ impl ElasticLaw {
             Self::CorotationalLinear => {
                 let linear = 2.0 * of.mu + 3.0 * of.lambda;
                 let s = SingularValues::of(f).s;
-                let turning = of.lambda * (s.iter().sum::<f64>() - 3.0) - 2.0 * of.mu;
-                linear.max(2.0 * (of.mu + turning / (s[1] + s[2]).max(MIN_SUM)))
+                let pull = of.lambda * (s.iter().sum::<f64>() - 3.0) - 2.0 * of.mu;
+                linear.max(2.0 * of.mu + pull * over_sum(2.0, s[1] + s[2]))
             }
             Self::NeoHookean => {
                 let cofactor = cofactor(f);
-                let (slope, curvature) = volumetric_derivatives(f.x_axis.dot(cofactor.x_axis), of);
-                of.mu + slope.abs() * stretch2_bound(f).sqrt() + curvature * inner(&cofactor, &cofactor)
+                let j = f.x_axis.dot(cofactor.x_axis);
+                if let Some(ln) = logarithm_of_volume(j, inner(f, f)) {
+                    let (slope, curvature) = ((of.lambda * ln - of.mu) / j, of.lambda * (1.0 - ln) + of.mu);
+                    return of.mu
+                        + slope.abs() * stretch2_bound(f).sqrt()
+                        + curvature.max(0.0) / (j * j) * inner(&cofactor, &cofactor);
+                }
+                let s = SingularValues::of(f).s;
+                let logarithms = s.map(logarithm);
+                let pull = of.lambda * logarithms.iter().map(|of| of.0).sum::<f64>() - of.mu;
+                let slopes2: f64 = logarithms.iter().map(|of| of.1 * of.1).sum();
+                let curvature = logarithms.iter().map(|of| (pull * of.2).max(0.0)).fold(0.0, f64::max);
+                let mut most = of.lambda * slopes2 + curvature;
+                for (j, k) in [(0, 1), (1, 2), (0, 2)] {
+                    most = most.max(pull * slope_of_slope(s[j], s[k]));
+                    most = most.max(pull * over_sum(logarithms[j].1 + logarithms[k].1, s[j] + s[k]));
+                }
+                of.mu + most
             }
         }
     }
 }
 
-/// U = −μ ln J + λ/2 (ln J)² with its continuation, in units of the parameters.
-fn volumetric_energy(j: f64, of: LameParameters) -> f64 {
+/// ln J if no singular value is below [`FLAT`]: the smallest is at least 2 J/|F|², because the product of the others is at most half the sum of
+/// their squares.
+#[inline]
+fn logarithm_of_volume(j: f64, size2: f64) -> Option<f64> {
+    (2.0 * j >= FLAT * size2).then(|| j.ln())
+}
+
+/// ln σ with its continuation, and its first and second derivative.
+fn logarithm(s: f64) -> (f64, f64, f64) {
     // NaN stays NaN.
-    let of_logarithm = |ln: f64| ln * (0.5 * of.lambda * ln - of.mu);
-    if !(j < FLAT) {
-        return of_logarithm(j.ln());
+    if s >= FLAT || s.is_nan() {
+        return (s.ln(), s.recip(), -(s * s).recip());
     }
-    let (slope, curvature) = logarithmic_derivatives(FLAT, of);
-    let depth = FLAT - j;
+    let (depth, share) = (FLAT - s, TO_LIMIT / (TO_LIMIT + FLAT - s));
+    let (slope, curvature) = (FLAT.recip(), FLAT.powi(-2));
     let beyond = TO_LIMIT * (depth - TO_LIMIT * (depth / TO_LIMIT).ln_1p());
-    of_logarithm(FLAT.ln()) - slope * depth + curvature * beyond
+    (
+        FLAT.ln() - slope * depth - curvature * beyond,
+        slope + curvature * depth * share,
+        -curvature * share * share,
+    )
 }
 
-/// dU/dJ and d²U/dJ².
-#[inline]
-fn volumetric_derivatives(j: f64, of: LameParameters) -> (f64, f64) {
-    if !(j < FLAT) {
-        return logarithmic_derivatives(j, of);
+/// The difference quotient of the slope of [`logarithm`] between two stretches.
+fn slope_of_slope(a: f64, b: f64) -> f64 {
+    if a >= FLAT && b >= FLAT {
+        return -(a * b).recip();
     }
-    let (slope, curvature) = logarithmic_derivatives(FLAT, of);
-    let (depth, share) = (FLAT - j, TO_LIMIT / (TO_LIMIT + FLAT - j));
-    (slope - curvature * depth * share, curvature * share * share)
+    if (a - b).abs() > NEARLY_EQUAL {
+        (logarithm(a).1 - logarithm(b).1) / (a - b)
+    } else {
+        logarithm(0.5 * (a + b)).2
+    }
 }
 
-/// dU/dJ and d²U/dJ² without the continuation.
-#[inline]
-fn logarithmic_derivatives(j: f64, of: LameParameters) -> (f64, f64) {
-    let ln = j.ln();
-    ((of.lambda * ln - of.mu) / j, (of.lambda * (1.0 - ln) + of.mu) / (j * j))
+/// value/sum for the derivative of a rotation, which is infinite where two singular values cancel.
+fn over_sum(value: f64, sum: f64) -> f64 {
+    value / sum.max(MIN_SUM)
 }
 
 /// An upper bound of the square of the largest singular value.

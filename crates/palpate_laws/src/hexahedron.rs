@@ -13,6 +13,8 @@ const HOURGLASSES: [usize; 4] = [3, 5, 6, 7];
 /// Factor of the hourglass stiffness: with 10/9 of the energy of a fully integrated element, bending and bonded blocks of 16 cells deviate
 /// from converged solutions by less than 1 %.
 const HOURGLASS: f64 = 10.0 / 9.0;
+/// Relative difference below which two shapes are the same.
+const SAME_SHAPE: f64 = 1e-10;
 
 /// The shape at rest of an eight-node hexahedron. Corner c lies towards +ξ where bit 0 of c is set, +η with bit 1, +ζ with bit 2.
 ///
@@ -51,17 +53,24 @@ pub struct ElementMaterial {
     pub law: ElasticLaw,
     /// Lamé parameters times the volume that is filled with the material, J.
     pub parameters_j: LameParameters,
-    /// Stiffness-proportional (Rayleigh) damping β, s: the viscous stress is that of a linear material with β times the parameters, in
-    /// the rate of the Green strain.
-    pub damping_s: f64,
+    /// Parameters of the viscous stress times the volume, J s: that of a linear material in the rate of the Green strain. Stiffness-proportional
+    /// (Rayleigh) damping β has β times `parameters_j`.
+    pub viscous_js: LameParameters,
 }
 
 impl ElementMaterial {
+    /// Whether the material has a damper.
+    #[must_use]
+    #[inline]
+    pub fn is_damped(&self) -> bool {
+        self.viscous_js != LameParameters::default()
+    }
+
     /// Second Piola stress of the damper times the volume, J.
     #[inline]
     fn viscous_j(&self, f: &DMat3, rate_per_s: &DMat3) -> DMat3 {
         let half = f.transpose() * *rate_per_s;
-        let LameParameters { mu, lambda } = self.parameters_j.scaled(self.damping_s);
+        let LameParameters { mu, lambda } = self.viscous_js;
         let trace = half.x_axis.x + half.y_axis.y + half.z_axis.z;
         mu * (half + half.transpose()) + DMat3::from_diagonal(DVec3::splat(lambda * trace))
     }
@@ -73,7 +82,7 @@ impl ElementMaterial {
 
     /// Derivative of the stress with respect to the rate of the deformation gradient, J s. It is positive semidefinite.
     fn viscous_tangent_js(&self, f: &DMat3) -> StressTangent {
-        let LameParameters { mu, lambda } = self.parameters_j.scaled(self.damping_s);
+        let LameParameters { mu, lambda } = self.viscous_js;
         let across = *f * f.transpose();
         std::array::from_fn(|c| {
             std::array::from_fn(|d| {
@@ -125,7 +134,7 @@ impl HexahedronShape {
         let gradient_per_m = gradients.map(|sum| sum / volume_m3);
         let rest = HOURGLASSES.map(|mode| modes[mode]);
         let at_center = jacobian([0.0; 3]);
-        if !(at_center.determinant() > 0.0) {
+        if at_center.determinant() <= 0.0 {
             return None;
         }
         // The energy of a mode ξ^m in ½ μ |∇u|², integrated exactly over a parallelepiped.
@@ -161,6 +170,26 @@ impl HexahedronShape {
         let products: [[f64; HOURGLASSES.len()]; HOURGLASSES.len()] =
             std::array::from_fn(|m| std::array::from_fn(|n| product(m, n)));
         self.hourglass_bound_per_m2 = largest(products);
+    }
+
+    /// The shape rotated by `rotation`.
+    #[must_use]
+    pub fn rotated(&self, rotation: DMat3) -> Self {
+        Self {
+            gradient_per_m: self.gradient_per_m.map(|c| rotation * c),
+            rest_m: self.rest_m.map(|x| rotation * x),
+            ..*self
+        }
+    }
+
+    /// Whether the shape differs from another one by rounding only.
+    #[must_use]
+    pub fn is_nearly(&self, other: &Self) -> bool {
+        let (c, x) = (self.gradient_per_m, self.rest_m);
+        let size_per_m = c.iter().map(|c| c.length()).fold(0.0, f64::max);
+        let is_near = |a: &DVec3, b: &DVec3, size: f64| a.distance(*b) <= SAME_SHAPE * size;
+        c.iter().zip(&other.gradient_per_m).all(|(a, b)| is_near(a, b, size_per_m))
+            && x.iter().zip(&other.rest_m).all(|(a, b)| is_near(a, b, size_per_m.recip()))
     }
 
     /// Volume at rest, m³.
@@ -219,22 +248,25 @@ impl HexahedronShape {
     ) -> [DVec3; CORNERS] {
         let modes = to_modes(x_m);
         let f = self.gradient(&modes);
+        // Then the forces over k_m/(μ V).
         let mut hourglasses = self.hourglasses(&modes, &f);
         let mut stress_j = material.law.stress(&f, material.parameters_j);
-        if material.damping_s != 0.0 {
+        if material.is_damped() {
             let rates = to_modes(v_m_per_s);
             let rate = self.gradient(&rates);
             stress_j += f * material.viscous_j(&f, &rate);
             let of_rates = self.hourglasses(&rates, &rate);
             for ((q, q_dot), k) in hourglasses.iter_mut().zip(of_rates).zip(&self.hourglass_per_m2) {
-                let w = material.damping_s * local_rate(&f, &rate, *q, q_dot);
-                stress_j += outer(material.parameters_j.mu * k * *q, w);
-                *q += f * w;
+                let w = material.viscous_js.mu * local_rate(&f, &rate, *q, q_dot);
+                stress_j += outer(k * *q, w);
+                *q = material.parameters_j.mu * *q + f * w;
             }
+        } else {
+            hourglasses.iter_mut().for_each(|q| *q *= material.parameters_j.mu);
         }
         let mut on_modes = [DVec3::ZERO; CORNERS];
-        for (m, q) in hourglasses.into_iter().enumerate() {
-            let force = material.parameters_j.mu * self.hourglass_per_m2[m] * q;
+        for (m, force) in hourglasses.into_iter().enumerate() {
+            let force = self.hourglass_per_m2[m] * force;
             stress_j -= outer(force, self.rest_m[m]);
             on_modes[HOURGLASSES[m]] = -force;
         }
@@ -261,7 +293,7 @@ impl HexahedronShape {
         v_m_per_s: &[DVec3; CORNERS],
         material: &ElementMaterial,
     ) -> f64 {
-        if material.damping_s == 0.0 {
+        if !material.is_damped() {
             return 0.0;
         }
         let (f, rates) = (self.deformation_gradient(x_m), to_modes(v_m_per_s));
@@ -269,8 +301,7 @@ impl HexahedronShape {
         let (q, q_dot) = (self.hourglasses(&modes, &f), self.hourglasses(&rates, &rate));
         let squares = q.iter().zip(q_dot).zip(&self.hourglass_per_m2);
         let squares = squares.map(|((q, q_dot), k)| k * local_rate(&f, &rate, *q, q_dot).length_squared());
-        material.dissipated_w(&f, &rate)
-            + material.damping_s * material.parameters_j.mu * squares.sum::<f64>()
+        material.dissipated_w(&f, &rate) + material.viscous_js.mu * squares.sum::<f64>()
     }
 
     /// Σ k_m/(μ V) |x̂_m − F X̂_m|².
@@ -304,7 +335,7 @@ impl HexahedronShape {
         for (m, (q, k)) in hourglasses.enumerate() {
             let by_corner: [DMat3; CORNERS] =
                 std::array::from_fn(|c| outer(gradients[c], q) + coefficients[c][m] * f.transpose());
-            let b = material.damping_s * material.parameters_j.mu * k;
+            let b = material.viscous_js.mu * k;
             for (row, of_row) in blocks.iter_mut().zip(&by_corner) {
                 let of_row = b * of_row.transpose();
                 row.iter_mut().zip(&by_corner).for_each(|(block, of_column)| *block += of_row * *of_column);
@@ -323,9 +354,12 @@ impl HexahedronShape {
             let stress = tangent.map(|of| b.x * of[0] + b.y * of[1] + b.z * of[2]);
             for i in 0..=j {
                 let b = gradients[i];
-                let hourglass: f64 =
-                    (0..HOURGLASSES.len()).map(|m| self.hourglass_per_m2[m] * hourglasses[i][m] * hourglasses[j][m]).sum();
-                let block = b.x * stress[0] + b.y * stress[1] + b.z * stress[2]
+                let hourglass: f64 = (0..HOURGLASSES.len())
+                    .map(|m| self.hourglass_per_m2[m] * hourglasses[i][m] * hourglasses[j][m])
+                    .sum();
+                let block = b.x * stress[0]
+                    + b.y * stress[1]
+                    + b.z * stress[2]
                     + DMat3::from_diagonal(DVec3::splat(mu * hourglass));
                 blocks[i][j] = block;
                 blocks[j][i] = block.transpose();
@@ -349,15 +383,15 @@ impl HexahedronShape {
             }
         };
         let stiffness = bound(material.law.stiffness_bound(&f, of), of.mu);
-        if material.damping_s == 0.0 {
+        if !material.is_damped() {
             return (stiffness, 0.0);
         }
-        let (modes, stretch2) = (to_modes(x_m), stretch2_bound(&f));
+        let (modes, stretch2, of) = (to_modes(x_m), stretch2_bound(&f), material.viscous_js);
         let squares = self.hourglass_squares(&modes, &f);
         let viscous = stretch2 * (2.0 * of.mu + 3.0 * of.lambda);
         // |Σ_c (b_c ⊗ q + γ(c) Fᵀ) v_c|² ≤ 2 |q|² |Σ_c b_c ⊗ v_c|² + 2 |F|² |Σ_c γ(c) v_c|²; without q the factor is 1.
         let factor = if squares > 0.0 { 2.0 } else { 1.0 };
-        (stiffness, material.damping_s * bound(viscous + 2.0 * squares * of.mu, factor * stretch2 * of.mu))
+        (stiffness, bound(viscous + 2.0 * squares * of.mu, factor * stretch2 * of.mu))
     }
 }
 

@@ -25,13 +25,14 @@ impl SingularValues {
             for (p, q) in [(0, 1), (0, 2), (1, 2)] {
                 let (pp, pq, qq) = (a[p].length_squared(), a[p].dot(a[q]), a[q].length_squared());
                 // A matrix that is not finite is left as it is.
-                if !(pq.abs() > ORTHOGONAL * (pp * qq).sqrt()) {
+                if pq.is_nan() || pq.abs() <= ORTHOGONAL * (pp * qq).sqrt() {
                     continue;
                 }
                 is_orthogonal = false;
                 let (c, s) = rotation_angle(pp, pq, qq);
                 for columns in [&mut a, &mut v] {
-                    (columns[p], columns[q]) = (c * columns[p] - s * columns[q], s * columns[p] + c * columns[q]);
+                    (columns[p], columns[q]) =
+                        (c * columns[p] - s * columns[q], s * columns[p] + c * columns[q]);
                 }
             }
             if is_orthogonal {
@@ -76,11 +77,10 @@ const CONVERGED: f64 = 1e-18;
 /// Newton's iteration with scaling (N. J. Higham, SIAM J. Sci. Stat. Comput. 7 (1986) 1160), or singular values where the matrix is nearly
 /// singular or its determinant negative.
 pub(crate) fn rotation(f: &DMat3) -> DMat3 {
-    let norm2 = |m: &DMat3| {
-        m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared()
-    };
+    let norm2 = |m: &DMat3| m.x_axis.length_squared() + m.y_axis.length_squared() + m.z_axis.length_squared();
     let (mut r, size2) = (*f, norm2(f));
-    if !(f.determinant() > FLAT * size2 * size2.sqrt()) {
+    let is_regular = f.determinant() > FLAT * size2 * size2.sqrt();
+    if !is_regular {
         return SingularValues::of(f).rotation();
     }
     for _ in 0..MAX_ITERATIONS {
@@ -90,7 +90,7 @@ pub(crate) fn rotation(f: &DMat3) -> DMat3 {
         let next = (r * scale + inverse_transposed * scale.recip()) * 0.5;
         let change2 = norm2(&(next - r));
         r = next;
-        if !(change2 > CONVERGED) {
+        if change2.is_nan() || change2 <= CONVERGED {
             break;
         }
     }
@@ -104,7 +104,12 @@ mod tests {
 
     fn matrices() -> Vec<DMat3> {
         let turn = |seed: f64| {
-            DMat3::from_quat(DQuat::from_euler(glam::EulerRot::XYZ, 1.3 * seed, 0.7 - seed, 2.1 * seed * seed))
+            DMat3::from_quat(DQuat::from_euler(
+                glam::EulerRot::XYZ,
+                1.3 * seed,
+                0.7 - seed,
+                2.1 * seed * seed,
+            ))
         };
         let values = [
             DVec3::ONE,
@@ -118,7 +123,8 @@ mod tests {
             DVec3::new(1e-12, 1e-12, 2e-12),
             DVec3::new(1e9, 3.0, 1e-3),
         ];
-        let mixed = |i: usize, s: DVec3| turn(0.1 + i as f64) * DMat3::from_diagonal(s) * turn(2.0 - i as f64 / 3.0);
+        let mixed =
+            |i: usize, s: DVec3| turn(0.1 + i as f64) * DMat3::from_diagonal(s) * turn(2.0 - i as f64 / 3.0);
         values.iter().enumerate().map(|(i, s)| mixed(i, *s)).chain(values.map(DMat3::from_diagonal)).collect()
     }
 

@@ -20,7 +20,7 @@ pub struct Tissue {
 impl Default for Tissue {
     /// 20 kPa, 1000 kg/m³, 0.5.
     fn default() -> Self {
-        let palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } =
+        let palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio, .. } =
             palpate_body::Tissue::default();
         Self { youngs_modulus_pa, density_kg_per_m3, damping_ratio }
     }

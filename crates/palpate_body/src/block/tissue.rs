@@ -2,7 +2,7 @@
 
 use super::slit::LipShares;
 use super::{Block, BlockBody, LatticeMaterial};
-use crate::cell_tissue::{cell_tissues, cells_beside, check_tissue};
+use crate::cell_tissue::{cell_tissues, cells_beside};
 use crate::{BodyError, CellStiffness, Tissue, lattice};
 use glam::DVec3;
 
@@ -14,8 +14,8 @@ impl Block {
     /// without [`Block::allow_unconstrained`]; [`MeshError::EmptyRegion`](crate::MeshError::EmptyRegion) for a region
     /// outside the block.
     pub fn tissue(&self, tissue: &Tissue) -> Result<BlockBody, BodyError> {
-        check_tissue(tissue)?;
-        self.regions.iter().try_for_each(|(_, other)| check_tissue(other))?;
+        tissue.validate()?;
+        self.regions.iter().try_for_each(|(_, other)| other.validate())?;
         let (cell, cells) = (self.cell_m(), self.nodes.map(|n| n - 1));
         let at_m = |place: DVec3| self.center_m - 0.5 * self.size_m + cell * place;
         let tissues =

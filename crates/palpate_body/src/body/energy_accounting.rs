@@ -15,7 +15,9 @@ impl Body {
         let elastic = |link: &crate::Link| link.spring.energy_j(x[link.b] - x[link.a]);
         Energy {
             kinetic_j: network.free().iter().map(kinetic).sum(),
-            elastic_j: network.links().iter().map(elastic).sum::<f64>() + network.barriers().energy_j(x),
+            elastic_j: network.links().iter().map(elastic).sum::<f64>()
+                + network.hexahedra().energy_j(x)
+                + network.barriers().energy_j(x),
             gravitational_j: self.gravitational_j(),
         }
     }
@@ -155,7 +157,7 @@ impl EnergyLedger {
             link.spring.dissipated_w(d, mean(link.b) - mean(link.a))
         };
         let taken: f64 = body.network().links().iter().map(power).sum();
-        self.damping_loss_j += h * taken;
+        self.damping_loss_j += h * (taken + body.network().hexahedra().dissipated_w(&self.x, mean));
         let (x, loads) = (body.positions_m(), body.loads_n());
         self.work_in_j += (0..x.len()).map(|node| loads[node].dot(x[node] - self.x[node])).sum::<f64>();
         self

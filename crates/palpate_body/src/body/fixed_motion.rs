@@ -3,7 +3,7 @@
 use super::Body;
 use crate::BodyError;
 use crate::obstacle::Pose;
-use glam::{DQuat, DVec3};
+use glam::{DMat3, DQuat, DVec3};
 
 impl Body {
     /// Moves all fixed nodes as one rigid body during the next advance, for a body that is mounted on a moving part. At
@@ -58,7 +58,7 @@ impl Body {
         nodes.map(carry).collect()
     }
 
-    /// Adds the forces of springs to the free nodes that the displacements `carried` of fixed nodes cause, to first order:
+    /// Adds the forces of springs and elements to the free nodes that the displacements `carried` of fixed nodes cause, to first order:
     /// an implicit step takes the forces at its end.
     pub(super) fn add_carried_tension(&mut self, carried: &[(usize, DVec3)]) {
         for &(node, moved) in carried {
@@ -66,6 +66,14 @@ impl Body {
                 let link = &self.network.links()[index];
                 let tangent = link.spring.tangent(self.x[link.b] - self.x[link.a], false);
                 self.force[if link.a == node { link.b } else { link.a }] += tangent.stiffness * moved;
+            }
+            for element in self.network.hexahedra().incident(node) {
+                let element = self.network.hexahedra().get(element);
+                let blocks = element.stiffness_n_per_m(&self.x, false);
+                let column = element.nodes.iter().position(|other| *other == node);
+                for (row, &other) in element.nodes.iter().enumerate().filter(|(_, other)| **other != node) {
+                    self.force[other] -= column.map_or(DMat3::ZERO, |column| blocks[row][column]) * moved;
+                }
             }
         }
     }

@@ -1,7 +1,6 @@
 //! Candidate contact patches of a tool for the next ticks.
 
 use super::Body;
-use crate::network::POISSONS_RATIO;
 use crate::surface::PlacedSurface;
 use crate::tool::Hold;
 use crate::weights::{Weights, add_weight};
@@ -129,7 +128,7 @@ impl Body {
             }
             let SurfacePlace { triangle, weights } = first.patch.foot;
             let modulus_pa = self.modulus_at_pa(triangle, weights);
-            let elastic = (modulus_pa, POISSONS_RATIO);
+            let elastic = (modulus_pa, self.poissons_ratio());
             let force_n = row_n.iter().sum();
             let Some(patch) = find(&first.patch.start(&shape, elastic, (force_n, span_s))) else { continue };
             if surface.place_m(patch.foot).is_none_or(|at_m| all.contains(&patch, at_m, scale.cell_m)) {
@@ -195,6 +194,11 @@ impl Body {
         corners.map(|(point, w)| Some(w * self.contact_modulus_pa(point)?)).sum()
     }
 
+    /// Poisson's ratio of the tissue; without a grid it is not used.
+    fn poissons_ratio(&self) -> f64 {
+        self.network.grid().map_or(0.0, crate::Grid::poissons_ratio)
+    }
+
     /// Compliance of the grid below the surface between the nodes `i` and `j`, along the surface normal, times
     /// Young's modulus, 1/m. `None` if the body has no grid; 0 for a fixed node.
     #[must_use]
@@ -222,7 +226,8 @@ impl Body {
         let corners = [0, 1, 2].map(|i| (points[i], weights[i]));
         let modulus_pa = self.modulus_at_pa(triangle, weights);
         let scale = self.patch_scale();
-        let mut layout = PatchLayout::new(shape, &patch, (modulus_pa, POISSONS_RATIO), &row_n, &scale);
+        let elastic = (modulus_pa, self.poissons_ratio());
+        let mut layout = PatchLayout::new(shape, &patch, elastic, &row_n, &scale);
         let mut carried = Vec::with_capacity(MAX_LOADED_POINTS);
         let corners_of = |triangle: usize| self.contact_surface.triangles().get(triangle).copied();
         layout.carry(surface, corners_of, &scale, &mut carried);

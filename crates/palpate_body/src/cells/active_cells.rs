@@ -61,7 +61,10 @@ impl ActiveCells {
 
     /// Adds the forces of all active barriers, N.
     pub(crate) fn add_forces(&mut self, cells: &Cells, x: &[DVec3], force: &mut [DVec3]) {
-        for &cell in self.update(cells, x, 0.0) {
+        if cells.with_barriers == 0 {
+            return;
+        }
+        for &cell in self.update(cells, x, 0.0).iter().filter(|cell| cells.has_barriers(**cell)) {
             cells.add_forces(cell, x, force);
         }
     }
@@ -81,10 +84,11 @@ impl ActiveCells {
     ) -> f64 {
         let cells = network.barriers();
         let fastest = v.iter().map(|v| v.length_squared()).fold(0.0, f64::max).sqrt();
-        if cells.nodes.is_empty() {
+        if cells.with_barriers == 0 {
             0.0
         } else if fastest * ahead_s < REACH * cells.shortest_m {
-            let watched = self.update(cells, x, fastest * ahead_s).iter();
+            let watched =
+                self.update(cells, x, fastest * ahead_s).iter().filter(|cell| cells.has_barriers(**cell));
             rate_bound(watched.flat_map(|&cell| cells.tetrahedra(cell)), network, (x, v), ahead_s)
         } else {
             rate_bound(cells.all_tetrahedra(), network, (x, v), ahead_s)

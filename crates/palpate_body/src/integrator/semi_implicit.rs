@@ -51,9 +51,25 @@ impl SemiImplicitEuler {
         Rates::of_springs(state).stable_step_s(barrier_rate(state, 0.0))
     }
 
+    /// Bounds in a state. Elements that need more than `max_substeps` there, but not at rest, need `max_substeps`: their forces are bounded.
+    pub(crate) fn rates(&self, state: NetworkState<'_>) -> Rates {
+        let rates = Rates::of_springs(state);
+        let NetworkState { network, v, .. } = state;
+        let fits = |rates: Rates| self.needed(rates, 0.0) <= self.max_substeps as f64;
+        if network.hexahedra().is_empty() || fits(rates) {
+            return rates;
+        }
+        let at_rest = Rates::of_springs(NetworkState { network, x: network.rest_m(), v });
+        if !fits(at_rest) {
+            return rates;
+        }
+        let shortest_s = self.tick_s / (self.stability_margin * (self.max_substeps as f64 - 0.5));
+        Rates { beta: 0.0, kappa: 4.0 / (shortest_s * shortest_s) }
+    }
+
     /// Number of substeps per tick in a state.
     pub(crate) fn substeps_at(&self, state: NetworkState<'_>) -> Result<usize, BodyError> {
-        let rates = Rates::of_springs(state);
+        let rates = self.rates(state);
         let springs = self.spring_substeps(rates)?;
         Ok(self.barrier_substeps(rates, barrier_rate(state, self.tick_s)).max(springs))
     }
@@ -94,7 +110,7 @@ fn barrier_rate(state: NetworkState<'_>, ahead_s: f64) -> f64 {
     crate::cells::rate_bound(network.barriers().all_tetrahedra(), network, (x, v), ahead_s)
 }
 
-/// Upper bounds of the largest eigenvalues of springs and dampers over the free nodes.
+/// Upper bounds of the largest eigenvalues of springs, dampers and elements over the free nodes.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Rates {
     /// Bound for M⁻¹B, 1/s.
@@ -105,8 +121,14 @@ pub(crate) struct Rates {
 
 impl Rates {
     /// Bounds in a state.
-    pub(crate) fn of_springs(NetworkState { network, x, .. }: NetworkState<'_>) -> Self {
+    pub(crate) fn of_springs(state: NetworkState<'_>) -> Self {
+        let NetworkState { network, x, .. } = state;
         let (mut beta, mut kappa) = (0.0_f64, 0.0_f64);
+        let mut of_elements = Vec::new();
+        if !network.hexahedra().is_empty() {
+            of_elements.resize(network.node_count(), (0.0, 0.0));
+            network.hexahedra().add_bounds(state, &mut of_elements);
+        }
         for &node in network.free() {
             let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
             for &link in network.incident_links(node) {
@@ -115,9 +137,10 @@ impl Rates {
                 k += tangent.stiffness;
                 b += tangent.damping;
             }
-            let per_mass = 2.0 / network.mass_kg()[node];
-            beta = beta.max(per_mass * largest_eigenvalue(&b));
-            kappa = kappa.max(per_mass * largest_eigenvalue(&k));
+            let (of_k, of_b) = of_elements.get(node).copied().unwrap_or_default();
+            let per_kg = 1.0 / network.mass_kg()[node];
+            beta = beta.max(per_kg * (2.0 * largest_eigenvalue(&b) + of_b));
+            kappa = kappa.max(per_kg * (2.0 * largest_eigenvalue(&k) + of_k));
         }
         Self { beta, kappa }
     }

@@ -2,11 +2,12 @@
 
 use super::{Grid, Network, NetworkParts};
 use crate::error::{check, check_positive};
-use crate::{BodyError, Link};
+use crate::{BodyError, Hexahedra, Link, Tissue};
 use glam::DVec3;
-use palpate_laws::{ForceLaw, Spring};
+use palpate_laws::{ForceLaw, HexahedronShape, Spring};
+use std::collections::HashSet;
 
-/// A network under construction: nodes, springs, fixed nodes and regions of different material.
+/// A network under construction: nodes, springs, elements, fixed nodes and regions of different material.
 ///
 /// [`NetworkBuilder::build`] reports the first error of all steps.
 ///
@@ -33,6 +34,7 @@ pub struct NetworkBuilder {
     fixed: Vec<bool>,
     links: Vec<Link>,
     cells: Vec<[usize; 8]>,
+    hexahedra: Hexahedra,
     allow_free: bool,
     /// Grid of an edited network, valid while the number of nodes is unchanged.
     grid: Option<Grid>,
@@ -43,9 +45,10 @@ impl Network {
     /// Converts the network back to a builder.
     #[must_use]
     pub fn edit(self) -> NetworkBuilder {
-        let cells = self.cells().to_vec();
-        let Self { rest_m, mass_kg, fixed, links, allow_free, grid, .. } = self;
-        NetworkBuilder { rest_m, mass_kg, fixed, links, cells, allow_free, grid, error: None }
+        let of_elements: HashSet<[usize; 8]> = self.hexahedra.iter().map(|element| element.nodes).collect();
+        let cells = self.cells().iter().filter(|cell| !of_elements.contains(*cell)).copied().collect();
+        let Self { rest_m, mass_kg, fixed, links, hexahedra, allow_free, grid, .. } = self;
+        NetworkBuilder { rest_m, mass_kg, fixed, links, cells, hexahedra, allow_free, grid, error: None }
     }
 }
 
@@ -58,10 +61,10 @@ impl NetworkBuilder {
 
     /// Creates the builder from the lists of [`Network::new`].
     pub(crate) fn of(rest_m: Vec<DVec3>, mass_kg: Vec<f64>, fixed: Vec<bool>, links: Vec<Link>) -> Self {
-        Self { rest_m, mass_kg, fixed, links, cells: Vec::new(), allow_free: false, grid: None, error: None }
+        Self { rest_m, mass_kg, fixed, links, ..Self::default() }
     }
 
-    /// Adds hexahedral cells between the nodes.
+    /// Adds hexahedral cells of springs between the nodes.
     pub(crate) fn with_cells(self, cells: Vec<[usize; 8]>) -> Self {
         Self { cells, ..self }
     }
@@ -94,6 +97,35 @@ impl NetworkBuilder {
         }
     }
 
+    /// Adds an eight-node hexahedron of `tissue` between `nodes`, of which the share `fill` is filled, and returns its index. Its mass is
+    /// distributed equally over its nodes and added to theirs, which may be 0 before. Corner c lies towards +x where bit 0 of c is set, +y with
+    /// bit 1, +z with bit 2.
+    pub fn hexahedron(&mut self, nodes: [usize; 8], tissue: &Tissue, fill: f64) -> usize {
+        let element = self.hexahedra.len();
+        if let Err(error) = self.add_hexahedron(nodes, tissue, fill) {
+            self.refuse(error);
+        }
+        element
+    }
+
+    fn add_hexahedron(&mut self, nodes: [usize; 8], tissue: &Tissue, fill: f64) -> Result<(), BodyError> {
+        tissue.validate()?;
+        check("filled share of an element", fill, fill > 0.0 && fill <= 1.0, "above 0 and at most 1")?;
+        let element = self.hexahedra.len();
+        let mut corners = [DVec3::ZERO; 8];
+        for (to, node) in corners.iter_mut().zip(nodes) {
+            let count = self.rest_m.len();
+            *to = *self.rest_m.get(node).ok_or(BodyError::ElementNode { element, node, nodes: count })?;
+        }
+        let shape = HexahedronShape::new(&corners).ok_or(BodyError::ElementShape { element })?;
+        let volume_m3 = shape.volume_m3();
+        for node in nodes {
+            self.mass_kg[node] += tissue.density_kg_per_m3 * fill * volume_m3 / 8.0;
+        }
+        self.hexahedra.push(nodes, &shape, tissue.element_material(volume_m3, fill)?);
+        Ok(())
+    }
+
     /// Adds a link and returns its index. Its spring need not be at rest.
     pub fn link(&mut self, link: Link) -> usize {
         self.links.push(link);
@@ -122,7 +154,7 @@ impl NetworkBuilder {
         self.fix(nodes)
     }
 
-    /// Scales the material of a region: springs with their midpoint at rest (m) `inside` get `stiffness` times their
+    /// Scales the material of a region: springs and elements with their midpoint at rest (m) `inside` get `stiffness` times their
     /// force and `damping` times their damping, and nodes inside get `mass` times their mass.
     #[must_use]
     pub fn region(mut self, inside: impl Fn(DVec3) -> bool, stiffness: f64, damping: f64, mass: f64) -> Self {
@@ -150,6 +182,12 @@ impl NetworkBuilder {
                 }
             }
         }
+        for index in 0..self.hexahedra.len() {
+            let corners = self.hexahedra.get(index).nodes.map(|node| self.rest_m[node]);
+            if inside(corners.iter().sum::<DVec3>() / 8.0) {
+                self.hexahedra.scale(index, stiffness, damping);
+            }
+        }
         for (m, x) in self.mass_kg.iter_mut().zip(&self.rest_m) {
             if inside(*x) {
                 *m *= mass;
@@ -165,7 +203,7 @@ impl NetworkBuilder {
         self
     }
 
-    /// Replaces the law of every spring with its midpoint at rest (m) `inside` by `law` of its present law.
+    /// Replaces the law of every spring, but not of elements, with its midpoint at rest (m) `inside` by `law` of its present law.
     #[must_use]
     pub fn law_where(mut self, inside: impl Fn(DVec3) -> bool, law: impl Fn(ForceLaw) -> ForceLaw) -> Self {
         for link in 0..self.links.len() {
@@ -203,8 +241,8 @@ impl NetworkBuilder {
             None => {
                 let nodes = self.rest_m.len();
                 let grid = self.grid.take().filter(|grid| grid.youngs_modulus_pa.len() == nodes);
-                let Self { rest_m, mass_kg, fixed, links, cells, allow_free, .. } = self;
-                let parts = NetworkParts { rest_m, mass_kg, fixed, links, cells, allow_free };
+                let Self { rest_m, mass_kg, fixed, links, cells, hexahedra, allow_free, .. } = self;
+                let parts = NetworkParts { rest_m, mass_kg, fixed, links, cells, hexahedra, allow_free };
                 let network = Network::assemble(parts)?;
                 Ok(match grid {
                     Some(grid) => network.with_grid(grid),

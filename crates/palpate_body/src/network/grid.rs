@@ -10,15 +10,28 @@ pub struct Grid {
     pub(crate) axes: [DVec3; 3],
     pub(crate) adds_compliance: bool,
     pub(crate) has_partial_cells: bool,
+    poissons_ratio: f64,
 }
 
 /// Poisson's ratio of an isotropic network of springs.
-pub(crate) const POISSONS_RATIO: f64 = 0.25;
+const POISSONS_RATIO: f64 = 0.25;
 
 impl Grid {
     /// Creates a grid of cells of `cell_m` along the coordinate axes, with Young's modulus at every node.
     pub(crate) fn new(cell_m: f64, youngs_modulus_pa: Vec<f64>) -> Self {
-        Self { cell_m, youngs_modulus_pa, axes: DVec3::AXES, adds_compliance: true, has_partial_cells: false }
+        Self {
+            cell_m,
+            youngs_modulus_pa,
+            axes: DVec3::AXES,
+            adds_compliance: true,
+            has_partial_cells: false,
+            poissons_ratio: POISSONS_RATIO,
+        }
+    }
+
+    /// Sets Poisson's ratio, that of springs before.
+    pub(crate) fn with_poissons_ratio(self, poissons_ratio: f64) -> Self {
+        Self { poissons_ratio, ..self }
     }
 
     /// Marks some cells as partly filled.
@@ -52,10 +65,10 @@ impl Grid {
         &self.youngs_modulus_pa
     }
 
-    /// Poisson's ratio of the tissue: 1/4, as for every isotropic network of springs.
+    /// Poisson's ratio of the tissue: 1/4 for an isotropic network of springs.
     #[must_use]
     pub fn poissons_ratio(&self) -> f64 {
-        POISSONS_RATIO
+        self.poissons_ratio
     }
 
     /// Unit vectors along the cell sides at rest.

@@ -82,14 +82,36 @@ fn node_normals(network: &Network, surface: &ContactSurface) -> Vec<DVec3> {
     normals.iter().map(|normal| normal.normalize_or_zero()).collect()
 }
 
-/// Stiffness of every link at rest, over the unit E h for its ends.
+/// Stiffness at rest between each node and its neighbours, in the order of [`Network::neighbours`], over the unit E h for its ends: the
+/// force that pulls the node back for a displacement relative to the neighbour.
 fn stiffness(network: &Network, unit_n_per_m: impl Fn(usize, usize) -> f64) -> Vec<DMat3> {
     let rest = network.rest_m();
-    let of = |link: &Link| {
-        let along = rest[link.b] - rest[link.a];
-        link.spring.tangent(along, false).stiffness * unit_n_per_m(link.a, link.b).recip()
-    };
-    network.links().iter().map(of).collect()
+    let end = network.neighbour_range(network.node_count() - 1).end;
+    let mut blocks = vec![DMat3::ZERO; end];
+    for node in 0..network.node_count() {
+        let range = network.neighbour_range(node);
+        let neighbours: Vec<usize> = network.neighbours(node).collect();
+        // The first neighbours are those of the links, in their order.
+        for (block, &link) in blocks[range.clone()].iter_mut().zip(network.incident_links(node)) {
+            let Link { a, b, spring } = &network.links()[link];
+            *block += spring.tangent(rest[*b] - rest[*a], false).stiffness;
+        }
+        for index in network.hexahedra().incident(node) {
+            let element = network.hexahedra().get(index);
+            let own = element.nodes.iter().position(|other| *other == node);
+            let of_element = element.stiffness_n_per_m(rest, false);
+            for (column, &other) in element.nodes.iter().enumerate() {
+                let place = neighbours.iter().position(|neighbour| *neighbour == other);
+                if let (Some(own), Some(place)) = (own, place) {
+                    blocks[range.start + place] -= of_element[own][column];
+                }
+            }
+        }
+        for (block, other) in blocks[range].iter_mut().zip(neighbours) {
+            *block *= unit_n_per_m(node, other).recip();
+        }
+    }
+    blocks
 }
 
 /// A network, and the places of nodes in a patch.
@@ -108,13 +130,13 @@ impl<'a> Around<'a> {
 struct Patch {
     /// Indices of the nodes; the first is the middle.
     nodes: Vec<usize>,
-    /// Diagonal block of each node, and blocks of the springs between entries of `nodes`.
+    /// Diagonal block of each node, and blocks between entries of `nodes`.
     diagonal: Vec<DMat3>,
     links: Vec<(usize, usize, DMat3)>,
 }
 
 impl Patch {
-    /// `stiffness` is that of each link.
+    /// `stiffness` is that between each node and its neighbours.
     fn new(around: &mut Around<'_>, middle: usize, cell_m: f64, stiffness: &[DMat3]) -> Self {
         let Around { network, place } = around;
         let rest = network.rest_m();
@@ -134,12 +156,10 @@ impl Patch {
         let mut diagonal = vec![DMat3::ZERO; nodes.len()];
         let mut links = Vec::new();
         for (at, &node) in nodes.iter().enumerate() {
-            for &index in network.incident_links(node) {
-                let link = &network.links()[index];
-                let other = if link.a == node { link.b } else { link.a };
-                diagonal[at] += stiffness[index];
+            for (other, block) in network.neighbours(node).zip(&stiffness[network.neighbour_range(node)]) {
+                diagonal[at] += *block;
                 if let Some(to) = place[other].map(|to| to as usize).filter(|to| *to > at) {
-                    links.push((at, to, stiffness[index]));
+                    links.push((at, to, *block));
                 }
             }
         }
@@ -168,7 +188,7 @@ impl Patch {
             }
             for &(a, b, k) in &self.links {
                 product[a] -= k * direction[b];
-                product[b] -= k * direction[a];
+                product[b] -= k.transpose() * direction[a];
             }
         };
         let enough = TOLERANCE * TOLERANCE * force.dot(scale[0] * force);

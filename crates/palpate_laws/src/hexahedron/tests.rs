@@ -18,7 +18,8 @@ fn shapes() -> [[DVec3; CORNERS]; 3] {
 
 fn material(law: ElasticLaw, nu: f64, shape: &HexahedronShape) -> ElementMaterial {
     let parameters_j = LameParameters::new(20e3, nu).unwrap().scaled(shape.volume_m3());
-    ElementMaterial { law, parameters_j, damping_s: 3e-3 }
+    let LameParameters { mu, lambda } = parameters_j.scaled(3e-3);
+    ElementMaterial { law, parameters_j, viscous_js: LameParameters { mu, lambda: 0.5 * lambda } }
 }
 
 /// Corners far from rest, with every mode, and their velocities.
@@ -36,13 +37,20 @@ const LAWS: [ElasticLaw; 2] = [ElasticLaw::CorotationalLinear, ElasticLaw::NeoHo
 
 #[test]
 fn affine_motion_has_its_gradient_and_the_stress_of_the_law() {
-    let f = DMat3::from_cols(DVec3::new(1.2, 0.04, 0.1), DVec3::new(0.08, 0.9, -0.02), DVec3::new(-0.06, 0.12, 1.16));
+    let f = DMat3::from_cols(
+        DVec3::new(1.2, 0.04, 0.1),
+        DVec3::new(0.08, 0.9, -0.02),
+        DVec3::new(-0.06, 0.12, 1.16),
+    );
     for rest in shapes() {
         let shape = HexahedronShape::new(&rest).unwrap();
         let x = rest.map(|x| f * x + DVec3::new(0.3, -0.1, 7.0));
         let found = shape.deformation_gradient(&x) - f;
         assert!(found.to_cols_array().iter().all(|v| v.abs() < 1e-12), "{found}");
-        let material = ElementMaterial { damping_s: 0.0, ..material(ElasticLaw::NeoHookean, 0.45, &shape) };
+        let material = ElementMaterial {
+            viscous_js: LameParameters::default(),
+            ..material(ElasticLaw::NeoHookean, 0.45, &shape)
+        };
         let stress_j = material.law.stress(&f, material.parameters_j);
         let forces = shape.forces_n(&x, &[DVec3::ZERO; CORNERS], &material);
         for (force, b) in forces.into_iter().zip(shape.corner_gradients_per_m()) {
@@ -104,7 +112,8 @@ fn stiffness_and_damping_are_the_derivatives_of_the_forces() {
         for size in [0.1, 0.6] {
             let (x, v) = moved(&rest, size);
             let still = [DVec3::ZERO; CORNERS];
-            let (k, b) = (shape.stiffness_n_per_m(&x, &material, false), shape.damping_ns_per_m(&x, &material));
+            let (k, b) =
+                (shape.stiffness_n_per_m(&x, &material, false), shape.damping_ns_per_m(&x, &material));
             let (k_bound, b_bound) = shape.bounds(&x, &material);
             for (j, axis) in (0..CORNERS).flat_map(|c| (0..3).map(move |axis| (c, axis))) {
                 let at = |by: f64, mut x: [DVec3; CORNERS]| {
@@ -134,13 +143,12 @@ fn bounds_are_above_the_forms_of_stiffness_and_damping() {
             let material = material(law, nu, &shape);
             for size in [0.0, 0.1, 0.6] {
                 let (x, _) = moved(&rest, size);
-                let (k, b) = (shape.stiffness_n_per_m(&x, &material, false), shape.damping_ns_per_m(&x, &material));
+                let (k, b) =
+                    (shape.stiffness_n_per_m(&x, &material, false), shape.damping_ns_per_m(&x, &material));
                 let clamped = shape.stiffness_n_per_m(&x, &material, true);
                 let bounds = shape.bounds(&x, &material);
                 let flat = |blocks: &HexahedronBlocks| -> [[f64; 24]; 24] {
-                    std::array::from_fn(|r| {
-                        std::array::from_fn(|c| blocks[r / 3][c / 3].col(c % 3)[r % 3])
-                    })
+                    std::array::from_fn(|r| std::array::from_fn(|c| blocks[r / 3][c / 3].col(c % 3)[r % 3]))
                 };
                 let largest = |blocks: &HexahedronBlocks| largest(flat(blocks));
                 assert!(largest(&k) <= bounds.0 * (1.0 + 1e-9), "{law:?} {nu} {size}");
@@ -164,7 +172,8 @@ fn damper_dissipates_what_its_forces_take_and_rigid_motion_is_free() {
         let (x, v) = moved(&rest, 0.4);
         let still = [DVec3::ZERO; CORNERS];
         let of_damper = |v: &[DVec3; CORNERS]| -> f64 {
-            let forces = shape.forces_n(&x, v, &material).into_iter().zip(shape.forces_n(&x, &still, &material));
+            let forces =
+                shape.forces_n(&x, v, &material).into_iter().zip(shape.forces_n(&x, &still, &material));
             forces.zip(v).map(|((with, without), v)| -(with - without).dot(*v)).sum()
         };
         let power = shape.dissipated_w(&x, &v, &material);

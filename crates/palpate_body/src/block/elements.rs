@@ -1,0 +1,65 @@
+//! A block of hexahedral elements.
+
+use super::slit::{self, LipShares};
+use super::{Block, BlockBody};
+use crate::cell_tissue::cell_tissues;
+use crate::{BodyError, Grid, NetworkBuilder, Tissue, lattice};
+use glam::DVec3;
+
+impl Block {
+    /// Creates the block of hexahedral elements, one for each cell, filled with `tissue` and with the tissues of its regions.
+    ///
+    /// # Errors
+    /// [`BodyError`] if a parameter is invalid, all nodes are fixed, or none is without [`Block::allow_unconstrained`];
+    /// [`MeshError::EmptyRegion`](crate::MeshError::EmptyRegion) for a region outside the block.
+    pub fn elements(&self, tissue: &Tissue) -> Result<BlockBody, BodyError> {
+        tissue.validate()?;
+        self.regions.iter().try_for_each(|(_, other)| other.validate())?;
+        let (cell, counts) = (self.cell_m(), self.nodes.map(|n| n - 1));
+        let at_m = |place: DVec3| self.center_m - 0.5 * self.size_m + cell * place;
+        let tissues = cell_tissues(
+            lattice::grid(counts),
+            at_m,
+            |_, _| true,
+            tissue,
+            &self.regions,
+            cell.min_element(),
+        )?;
+        let mut rest_m: Vec<DVec3> = self.grid().map(|ijk| self.rest(ijk)).collect();
+        let (mut fixed, mut surface, mut cells) = (self.fixed_nodes(), self.surface(), self.cells());
+        if let Some(slit) = self.slit {
+            let nodes = rest_m.len();
+            slit::cut(
+                slit,
+                (self.nodes, cell),
+                &mut slit::Pieces {
+                    rest_m: &mut rest_m,
+                    mass_kg: &mut vec![0.0; nodes],
+                    youngs_modulus_pa: &mut vec![0.0; nodes],
+                    lips: LipShares::HALVES,
+                    fixed: &mut fixed,
+                    links: &mut Vec::new(),
+                    cells: &mut cells,
+                    surface: &mut surface,
+                },
+            )?;
+        }
+        let (mut sums, mut counts) = (vec![0.0; rest_m.len()], vec![0.0; rest_m.len()]);
+        for (nodes, tissue) in cells.iter().zip(&tissues) {
+            for &node in nodes {
+                sums[node] += tissue.youngs_modulus_pa;
+                counts[node] += 1.0;
+            }
+        }
+        let moduli_pa = sums.iter().zip(counts).map(|(sum, count)| sum / count).collect();
+        let massless = vec![0.0; rest_m.len()];
+        let mut network = NetworkBuilder::of(rest_m, massless, fixed, Vec::new());
+        for (nodes, tissue) in cells.into_iter().zip(&tissues) {
+            network.hexahedron(nodes, tissue, 1.0);
+        }
+        let network = if self.allow_free { network.allow_unconstrained() } else { network }.build()?;
+        let grid =
+            Grid::new(cell.element_product().cbrt(), moduli_pa).with_poissons_ratio(tissue.poissons_ratio);
+        Ok(BlockBody { network: network.with_grid(grid), surface })
+    }
+}

@@ -1,0 +1,182 @@
+//! The hexahedral elements of a network.
+
+use crate::network::NetworkState;
+use glam::{DMat3, DQuat, DVec3};
+use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape};
+
+/// Eight-node hexahedra; see [`HexahedronShape`]. Equal shapes are stored once.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Hexahedra {
+    nodes: Vec<[u32; 8]>,
+    /// Index of the shape of each.
+    shape: Vec<u32>,
+    shapes: Vec<HexahedronShape>,
+    materials: Vec<ElementMaterial>,
+    /// Elements of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
+    incident: Vec<u32>,
+    incident_start: Vec<u32>,
+}
+
+/// One hexahedron of a network.
+#[derive(Clone, Copy, Debug)]
+pub struct Hexahedron<'a> {
+    /// Nodes of the corners. Corner c lies towards +x where bit 0 of c is set, +y with bit 1, +z with bit 2, before the network is placed.
+    pub nodes: [usize; 8],
+    /// Shape at rest.
+    pub shape: &'a HexahedronShape,
+    /// Material.
+    pub material: &'a ElementMaterial,
+}
+
+/// Number of the shapes last added with which a new one is compared.
+const COMPARED_SHAPES: usize = 8;
+
+impl Hexahedra {
+    /// Adds an element.
+    pub(crate) fn push(&mut self, nodes: [usize; 8], shape: &HexahedronShape, material: ElementMaterial) {
+        let first = self.shapes.len().saturating_sub(COMPARED_SHAPES);
+        let equal = self.shapes[first..].iter().position(|other| other.is_nearly(shape));
+        let index = equal.map_or(self.shapes.len(), |at| first + at);
+        if equal.is_none() {
+            self.shapes.push(*shape);
+        }
+        self.nodes.push(nodes.map(|node| node as u32));
+        self.shape.push(index as u32);
+        self.materials.push(material);
+    }
+
+    /// Lists the elements of each of `nodes` nodes.
+    pub(crate) fn find_incidence(&mut self, nodes: usize) {
+        let mut start = vec![0; nodes + 1];
+        self.nodes.iter().flatten().for_each(|&node| start[node as usize + 1] += 1);
+        for i in 0..nodes {
+            start[i + 1] += start[i];
+        }
+        let mut next = start.clone();
+        self.incident = vec![0; 8 * self.nodes.len()];
+        for (index, corners) in self.nodes.iter().enumerate() {
+            for &node in corners {
+                self.incident[next[node as usize] as usize] = index as u32;
+                next[node as usize] += 1;
+            }
+        }
+        self.incident_start = start;
+    }
+
+    /// Rotates the shapes at rest.
+    pub(crate) fn turn(&mut self, rotation: DQuat) {
+        self.shapes.iter_mut().for_each(|shape| *shape = shape.rotated(DMat3::from_quat(rotation)));
+    }
+
+    /// Multiplies the stiffness and the damping of the element at `index`.
+    pub(crate) fn scale(&mut self, index: usize, stiffness: f64, damping: f64) {
+        let material = &mut self.materials[index];
+        material.parameters_j = material.parameters_j.scaled(stiffness);
+        material.viscous_js = material.viscous_js.scaled(damping);
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.nodes.is_empty()
+    }
+
+    /// The element at `index`.
+    ///
+    /// # Panics
+    /// If there is none.
+    #[must_use]
+    pub fn get(&self, index: usize) -> Hexahedron<'_> {
+        Hexahedron {
+            nodes: self.nodes[index].map(|node| node as usize),
+            shape: &self.shapes[self.shape[index] as usize],
+            material: &self.materials[index],
+        }
+    }
+
+    /// All elements.
+    pub fn iter(&self) -> impl Iterator<Item = Hexahedron<'_>> {
+        (0..self.len()).map(|index| self.get(index))
+    }
+
+    /// Indices of the elements of `node`.
+    pub fn incident(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
+        let range = match self.incident_start.get(node..node + 2) {
+            Some(&[from, to]) => from as usize..to as usize,
+            _ => 0..0,
+        };
+        self.incident[range].iter().map(|index| *index as usize)
+    }
+
+    /// Adds the forces of all elements, N.
+    pub(crate) fn add_forces(&self, x: &[DVec3], v: &[DVec3], force: &mut [DVec3]) {
+        for element in self.iter() {
+            for (node, f) in element.nodes.into_iter().zip(element.forces_n(x, v)) {
+                force[node] += f;
+            }
+        }
+    }
+
+    /// Force of the elements of `node` on it, N.
+    pub(crate) fn force_on_n(&self, x: &[DVec3], v: &[DVec3], node: usize) -> DVec3 {
+        let of = |index: usize| -> DVec3 {
+            let element = self.get(index);
+            let forces = element.nodes.into_iter().zip(element.forces_n(x, v));
+            forces.filter(|(other, _)| *other == node).map(|(_, force)| force).sum()
+        };
+        self.incident(node).map(of).sum()
+    }
+
+    /// Elastic energy of all elements, J.
+    pub(crate) fn energy_j(&self, x: &[DVec3]) -> f64 {
+        self.iter().map(|of| of.shape.energy_j(&of.corners(x), of.material)).sum()
+    }
+
+    /// Power that the dampers of all elements dissipate, W.
+    pub(crate) fn dissipated_w(&self, x: &[DVec3], v: impl Fn(usize) -> DVec3) -> f64 {
+        self.iter().map(|of| of.shape.dissipated_w(&of.corners(x), &of.nodes.map(&v), of.material)).sum()
+    }
+
+    /// Adds bounds of stiffness, N/m, and damping, N s/m, to those of every node: their maximum over the masses bounds the eigenvalues of
+    /// M⁻¹K and M⁻¹B, because xᵀKx ≤ Σ λ_e |x_e|² with the largest eigenvalue λ_e of each element.
+    pub(crate) fn add_bounds(&self, NetworkState { x, .. }: NetworkState<'_>, bounds: &mut [(f64, f64)]) {
+        for element in self.iter() {
+            let (k, b) = element.shape.bounds(&element.corners(x), element.material);
+            for node in element.nodes {
+                bounds[node].0 += k;
+                bounds[node].1 += b;
+            }
+        }
+    }
+}
+
+impl Hexahedron<'_> {
+    /// The values of all nodes at the corners.
+    fn corners(&self, of: &[DVec3]) -> [DVec3; 8] {
+        self.nodes.map(|node| of[node])
+    }
+
+    /// Forces on the corners, N, for the positions and velocities of all nodes.
+    #[must_use]
+    pub fn forces_n(&self, x_m: &[DVec3], v_m_per_s: &[DVec3]) -> [DVec3; 8] {
+        self.shape.forces_n(&self.corners(x_m), &self.corners(v_m_per_s), self.material)
+    }
+
+    /// Stiffness between the corners, N/m, for the positions of all nodes. With `clamped` it is positive semidefinite.
+    #[must_use]
+    pub fn stiffness_n_per_m(&self, x_m: &[DVec3], clamped: bool) -> HexahedronBlocks {
+        self.shape.stiffness_n_per_m(&self.corners(x_m), self.material, clamped)
+    }
+
+    /// Damping between the corners, N s/m, for the positions of all nodes; `None` without damping.
+    #[must_use]
+    pub fn damping_ns_per_m(&self, x_m: &[DVec3]) -> Option<HexahedronBlocks> {
+        self.material.is_damped().then(|| self.shape.damping_ns_per_m(&self.corners(x_m), self.material))
+    }
+}

@@ -1,0 +1,405 @@
+//! Hexahedral elements against closed forms and converged solutions. The reference values are those of quadratic elements on graded meshes,
+//! extrapolated (cases 2, 3 and 6).
+
+use glam::{DMat3, DVec3};
+use palpate_body::*;
+
+const E: f64 = 20e3;
+
+fn tissue(law: ElasticLaw, poissons_ratio: f64) -> Tissue {
+    Tissue { youngs_modulus_pa: E, poissons_ratio, law, ..Tissue::default() }
+}
+
+const LINEAR: ElasticLaw = ElasticLaw::CorotationalLinear;
+
+fn newton(body: &mut Body, steps: usize) {
+    let solver = LinearSolver::Cholesky;
+    let newton = LinearlyImplicitEuler { tick_s: 1e4, solver, ..LinearlyImplicitEuler::default() };
+    body.advance(None, steps, newton).unwrap();
+}
+
+/// Case 2 and 6a: a cube of 0.1 m, bonded at its bottom and at its top, which is lowered by `down_m`. The force on the top, N.
+fn bonded_cube(cells: usize, tissue: &Tissue, down_m: f64) -> f64 {
+    let block = Block::new([cells + 1; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).fix(Face::PosZ);
+    let block = block.elements(tissue).unwrap();
+    let mut body = Body::new(block.network, block.surface).unwrap();
+    let rest = body.positions_m().to_vec();
+    let is_top = |x: &DVec3| x.z > 0.05 - 1e-9;
+    let steps = if down_m < 2e-3 { 1 } else { 4 };
+    for step in 1..=steps {
+        let share = f64::from(step) / f64::from(steps);
+        let before = body.positions_m().to_vec();
+        let x: Vec<DVec3> = rest
+            .iter()
+            .zip(before)
+            .map(|(rest, now)| if is_top(rest) { *rest - share * down_m * DVec3::Z } else { now })
+            .collect();
+        body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
+        newton(&mut body, 6);
+    }
+    let mut force = vec![DVec3::ZERO; rest.len()];
+    body.internal_forces_n(&mut force);
+    rest.iter().zip(force).filter(|(x, _)| is_top(x)).map(|(_, f)| f.z).sum()
+}
+
+#[test]
+fn bonded_cube_has_the_converged_stiffness() {
+    let cases = [
+        (LINEAR, 0.25, 1e-3, 2.085_219_4),
+        (LINEAR, 0.45, 1e-3, 2.345_365_2),
+        (LINEAR, 0.49, 1e-3, 2.439_204_0),
+        (ElasticLaw::NeoHookean, 0.25, 1e-2, 22.526_08),
+        (ElasticLaw::NeoHookean, 0.45, 1e-2, 25.805_21),
+    ];
+    for (law, nu, down_m, reference_n) in cases {
+        let errors = [4, 8, 16].map(|cells| bonded_cube(cells, &tissue(law, nu), down_m) / reference_n - 1.0);
+        // The edge of the bond is singular: the order is below 2.
+        let falls = errors.windows(2).all(|pair| (0.0..0.52 * pair[0]).contains(&pair[1]));
+        assert!(falls && errors[2] < 0.011, "{law:?} {nu}: {errors:?}");
+    }
+}
+
+/// The cantilever of cases 3 and 6b: 0.1 m × 0.02 m × 0.02 m along x, clamped at its lower end.
+fn cantilever(cells: usize, tissue: &Tissue) -> (Body, Vec<(usize, f64)>) {
+    let across = (cells as f64 / 5.0).round() as usize;
+    let block = Block::new([cells + 1, across + 1, across + 1], DVec3::new(0.1, 0.02, 0.02)).unwrap();
+    let block = block.fix(Face::NegX).elements(tissue).unwrap();
+    let body = Body::new(block.network, block.surface).unwrap();
+    let on_edge = |x: f64| if x.abs() > 0.01 - 1e-9 { 0.5 } else { 1.0 };
+    // Weights of the nodes of the end face in its mean.
+    let end = body.network().rest_m().iter().enumerate().filter(|(_, x)| x.x > 0.05 - 1e-9);
+    let total = (across * across) as f64;
+    let weights = end.map(|(node, x)| (node, on_edge(x.y) * on_edge(x.z) / total)).collect();
+    (body, weights)
+}
+
+/// Mean displacement of the end of a cantilever under `load_n`, applied in `steps`, m.
+fn end_deflection(cells: usize, tissue: &Tissue, load_n: DVec3, steps: usize) -> DVec3 {
+    let (mut body, end) = cantilever(cells, tissue);
+    for step in 1..=steps {
+        let mut loads = vec![DVec3::ZERO; body.network().node_count()];
+        end.iter().for_each(|&(node, w)| loads[node] = load_n * (w * step as f64 / steps as f64));
+        body.set_loads(&loads).unwrap();
+        newton(&mut body, 6);
+    }
+    let moved = |node: usize| body.positions_m()[node] - body.network().rest_m()[node];
+    end.iter().map(|&(node, w)| w * moved(node)).sum()
+}
+
+#[test]
+fn cantilever_bends_as_the_converged_solution() {
+    for (nu, reference_m) in [(0.25, 1.275_759e-3), (0.45, 1.253_473e-3), (0.49, 1.246_259e-3)] {
+        // So small that the deflection is linear.
+        let of = |cells| {
+            1e3 * end_deflection(cells, &tissue(LINEAR, nu), 1e-6 * DVec3::Z, 1).z / reference_m - 1.0
+        };
+        let errors = [8, 16, 24].map(of);
+        // Two, three and five cells across.
+        assert!(errors[1].abs() < 0.01 && errors[2].abs() < 0.16 * errors[0].abs(), "{nu}: {errors:?}");
+    }
+    let u = end_deflection(16, &tissue(ElasticLaw::NeoHookean, 0.45), -0.054 * DVec3::Z, 8);
+    let errors = [u.x / -0.016_215_93 - 1.0, u.z / -0.050_860_88 - 1.0];
+    assert!(errors.iter().all(|error| error.abs() < 0.01), "{errors:?}");
+}
+
+/// Lowest natural frequency, Hz, by inverse iteration with static solutions from `start`.
+fn frequency_hz(body: &mut Body, start: impl Fn(DVec3) -> DVec3) -> f64 {
+    const SIZE_M: f64 = 1e-9;
+    let (rest, mass) = (body.network().rest_m().to_vec(), body.network().mass_kg().to_vec());
+    let mut u: Vec<DVec3> = rest.iter().map(|x| start(*x)).collect();
+    let mut rate2 = 0.0_f64;
+    for _ in 0..6 {
+        let form = |u: &[DVec3]| u.iter().zip(&mass).map(|(u, m)| m * u.length_squared()).sum::<f64>();
+        let size = SIZE_M / u.iter().map(|u| u.length()).fold(0.0, f64::max);
+        // About the square of the frequency: the response is as small as the shape.
+        let scale = size * rate2.max(10.0);
+        let loads: Vec<DVec3> = u.iter().zip(&mass).map(|(u, m)| scale * *m * *u).collect();
+        body.set_state(&rest, &vec![DVec3::ZERO; rest.len()]).unwrap();
+        body.set_loads(&loads).unwrap();
+        newton(body, 1);
+        let next: Vec<DVec3> =
+            body.positions_m().iter().zip(&rest).map(|(x, rest)| (*x - *rest) / scale).collect();
+        let between: f64 = next.iter().zip(&u).zip(&mass).map(|((a, b), m)| m * a.dot(*b)).sum();
+        rate2 = between / form(&next);
+        u = next;
+    }
+    rate2.sqrt() / std::f64::consts::TAU
+}
+
+#[test]
+fn cantilever_vibrates_as_the_converged_solution() {
+    for (nu, reference_hz) in [(0.25, 1.410_890_2), (0.45, 1.426_430_6), (0.49, 1.431_656_2)] {
+        let (mut body, _) = cantilever(16, &tissue(LINEAR, nu));
+        let error = frequency_hz(&mut body, |x| DVec3::Z * (x.x + 0.05).powi(2)) / reference_hz - 1.0;
+        assert!(error.abs() < 0.01, "{nu}: {error}");
+    }
+}
+
+/// Case 7: seven hexahedra in a cube of 0.1 m with eight distorted corners inside (R. H. MacNeal and R. L. Harder, Finite Elem. Anal. Des. 1
+/// (1985) 3).
+fn patch() -> (Vec<DVec3>, [[usize; 8]; 7]) {
+    let nodes_mm = [
+        [24.9, 34.2, 19.2],
+        [82.6, 28.8, 28.8],
+        [85.0, 64.9, 26.3],
+        [27.3, 75.0, 23.0],
+        [32.0, 18.6, 64.3],
+        [67.7, 30.5, 68.3],
+        [78.8, 69.3, 64.4],
+        [16.5, 74.5, 70.2],
+        [0.0, 0.0, 0.0],
+        [100.0, 0.0, 0.0],
+        [100.0, 100.0, 0.0],
+        [0.0, 100.0, 0.0],
+        [0.0, 0.0, 100.0],
+        [100.0, 0.0, 100.0],
+        [100.0, 100.0, 100.0],
+        [0.0, 100.0, 100.0],
+    ];
+    // In the order of two circles of four corners.
+    let circles = [
+        [0, 1, 2, 3, 4, 5, 6, 7],
+        [0, 3, 2, 1, 8, 11, 10, 9],
+        [4, 5, 6, 7, 12, 13, 14, 15],
+        [0, 1, 5, 4, 8, 9, 13, 12],
+        [1, 2, 6, 5, 9, 10, 14, 13],
+        [2, 3, 7, 6, 10, 11, 15, 14],
+        [3, 0, 4, 7, 11, 8, 12, 15],
+    ];
+    let nodes = nodes_mm.map(|x| 1e-3 * DVec3::from_array(x)).to_vec();
+    (nodes, circles.map(|[a, b, c, d, e, f, g, h]| [a, b, d, c, e, f, h, g]))
+}
+
+#[test]
+fn patch_of_distorted_elements_has_the_affine_solution() {
+    let small = DMat3::from_cols(
+        DVec3::new(1e-3, 2e-4, 5e-4),
+        DVec3::new(4e-4, -5e-4, -1e-4),
+        DVec3::new(-3e-4, 6e-4, 8e-4),
+    );
+    for nu in [0.25, 0.45, 0.49] {
+        for (law, gradient) in
+            [(LINEAR, small), (LINEAR, 200.0 * small), (ElasticLaw::NeoHookean, 200.0 * small)]
+        {
+            let (rest, elements) = patch();
+            let mut network = NetworkBuilder::new();
+            rest.iter().for_each(|x| {
+                network.node(*x, 0.0);
+            });
+            elements.iter().for_each(|nodes| {
+                network.hexahedron(*nodes, &tissue(law, nu), 1.0);
+            });
+            let network = network.fix(8..16).build().unwrap();
+            let mass: f64 = network.mass_kg().iter().sum();
+            assert!((mass - 1.0).abs() < 1e-12, "{mass} kg");
+            let mut body = Body::new(network, Surface::default()).unwrap();
+            let moved = |x: DVec3| x + gradient * x;
+            // The free nodes begin 2 mm off.
+            let off = |node: usize| {
+                let number = |axis: usize| ((node * 7 + axis * 5) % 9) as f64 - 4.0;
+                if node < 8 { 5e-4 * DVec3::new(number(0), number(1), number(2)) } else { DVec3::ZERO }
+            };
+            let held: Vec<DVec3> = rest.iter().enumerate().map(|(node, x)| moved(*x) + off(node)).collect();
+            body.set_state(&held, &[DVec3::ZERO; 16]).unwrap();
+            newton(&mut body, 40);
+            for (x, rest) in body.positions_m().iter().zip(&rest) {
+                let off_m = x.distance(moved(*rest));
+                assert!(off_m < 1e-10 * 0.1 * gradient.x_axis.length(), "{law:?} {nu}: {off_m} m");
+            }
+        }
+    }
+}
+
+/// A block of cells of 1 cm with the given nodes, its bottom fixed.
+fn block(nodes: [usize; 3], tissue: &Tissue) -> Body {
+    let size = DVec3::from_array(nodes.map(|n| 0.01 * (n - 1) as f64));
+    let block = Block::new(nodes, size).unwrap().fix(Face::NegZ).elements(tissue).unwrap();
+    Body::new(block.network, block.surface).unwrap()
+}
+
+/// Numbers from 0 to 1.
+struct Random(u64);
+
+impl Random {
+    fn number(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
+    fn vector(&mut self) -> DVec3 {
+        DVec3::new(self.number(), self.number(), self.number())
+    }
+}
+
+/// Every law with every ratio.
+fn tissues() -> impl Iterator<Item = Tissue> {
+    let laws = [LINEAR, ElasticLaw::NeoHookean].into_iter();
+    laws.flat_map(|law| [0.0, 0.25, 0.45, 0.49].map(|nu| tissue(law, nu)))
+}
+
+/// Moves all free nodes of `body` to places that depend on their place at rest.
+fn set_places(body: &mut Body, mut place: impl FnMut(DVec3) -> DVec3) {
+    let network = body.network();
+    let places = network.rest_m().iter().enumerate();
+    let x: Vec<DVec3> = places.map(|(node, x)| if network.is_fixed(node) { *x } else { place(*x) }).collect();
+    body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
+}
+
+fn off_m(body: &Body) -> f64 {
+    let pairs = body.positions_m().iter().zip(body.network().rest_m());
+    pairs.map(|(x, rest)| x.distance(*rest)).fold(0.0, f64::max)
+}
+
+/// Releases `body` and advances by at most 10 s, until it is within `within_m` of rest.
+fn returns(body: &mut Body, within_m: f64) {
+    for _ in 0..100 {
+        let report = body.advance(None, 100, SemiImplicitEuler::default()).unwrap();
+        if report.inverted_cells == 0 && off_m(body) < within_m {
+            return;
+        }
+    }
+    panic!("{} m from rest, {} inverted", off_m(body), body.inverted_cells().count());
+}
+
+#[test]
+fn stretched_compressed_twisted_flat_and_mirrored_bodies_return_to_rest() {
+    type Motion = fn(DVec3) -> DVec3;
+    let motions: [Motion; 5] = [
+        |x| DVec3::new(x.x, x.y, 2.0 * x.z + 0.03),
+        |x| DVec3::new(x.x, x.y, 0.4 * x.z - 0.6 * 0.03),
+        |x| glam::DQuat::from_rotation_z(std::f64::consts::PI * (x.z + 0.03) / 0.06) * x,
+        |x| DVec3::new(x.x, x.y, -0.03),
+        |x| DVec3::new(x.x, x.y, -0.06 - x.z),
+    ];
+    for (tissue, motion) in tissues().flat_map(|tissue| motions.map(|motion| (tissue, motion))) {
+        let mut body = block([4, 4, 7], &tissue);
+        set_places(&mut body, motion);
+        returns(&mut body, 2e-3);
+    }
+}
+
+#[test]
+fn bodies_with_random_places_return_to_rest() {
+    let mut random = Random(1);
+    for (tissue, _) in tissues().flat_map(|tissue| (0..4).map(move |i| (tissue, i))) {
+        let mut body = block([4, 4, 6], &tissue);
+        set_places(&mut body, |_| DVec3::new(0.03, 0.03, 0.05) * (random.vector() - 0.5));
+        assert!(body.inverted_cells().count() > 30);
+        returns(&mut body, 2e-3);
+    }
+}
+
+#[test]
+fn implicit_steps_return_from_random_places() {
+    let mut random = Random(2);
+    for tissue in tissues() {
+        let mut body = block([4, 4, 6], &tissue);
+        set_places(&mut body, |_| DVec3::new(0.03, 0.03, 0.05) * (random.vector() - 0.5));
+        for _ in 0..200 {
+            body.advance(None, 20, LinearlyImplicitEuler::default()).unwrap();
+            if body.inverted_cells().count() == 0 && off_m(&body) < 2e-3 {
+                break;
+            }
+        }
+        assert!(off_m(&body) < 2e-3, "{tissue:?}: {} m", off_m(&body));
+    }
+}
+
+#[test]
+fn energy_of_a_motion_is_in_the_balance() {
+    for tissue in tissues() {
+        let balance = |min_substeps: usize| {
+            let mut body = block([4, 4, 5], &tissue);
+            let mut random = Random(3);
+            set_places(&mut body, |x| x + 2e-3 * (random.vector() - 0.5));
+            let stored = body.energy().elastic_j;
+            body.start_energy_accounting();
+            let settings =
+                SemiImplicitEuler { min_substeps, max_substeps: 100_000, ..SemiImplicitEuler::default() };
+            body.advance(None, 10, settings).unwrap();
+            let balance = body.energy_balance().unwrap();
+            assert!(balance.damping_loss_j > 0.3 * stored, "{balance:?}");
+            balance.integrator_j.abs() / stored
+        };
+        let errors = [100, 1000, 10_000].map(balance);
+        // The integrator is of first order.
+        assert!(errors[2] < 1e-6 && errors[1] < 0.15 * errors[0] + 1e-7, "{tissue:?}: {errors:?}");
+        assert!(errors[2] < 0.15 * errors[1], "{tissue:?}: {errors:?}");
+    }
+}
+
+#[test]
+fn rigid_motion_gives_no_force_and_free_motion_keeps_its_momenta() {
+    for tissue in tissues() {
+        let made = Block::new([4, 3, 5], DVec3::new(0.03, 0.02, 0.04)).unwrap().allow_unconstrained();
+        let made = made.elements(&tissue).unwrap();
+        let mut body = Body::new(made.network, made.surface).unwrap();
+        let turn = glam::DQuat::from_euler(glam::EulerRot::XYZ, 0.5, 2.0, -1.0);
+        let moved: Vec<DVec3> =
+            body.positions_m().iter().map(|x| turn * *x + DVec3::new(0.3, 0.1, -2.0)).collect();
+        let spin = DVec3::new(3.0, -1.0, 2.0);
+        let v: Vec<DVec3> = moved.iter().map(|x| spin.cross(*x)).collect();
+        body.set_state(&moved, &v).unwrap();
+        let mut force = vec![DVec3::ZERO; v.len()];
+        body.internal_forces_n(&mut force);
+        assert!(force.iter().all(|f| f.length() < 1e-9), "{tissue:?}");
+        let mut random = Random(4);
+        let x: Vec<DVec3> = moved.iter().map(|x| *x + 3e-3 * (random.vector() - 0.5)).collect();
+        body.set_state(&x, &v).unwrap();
+        let momenta = |body: &Body| {
+            let (m, x, v) = (body.network().mass_kg(), body.positions_m(), body.velocities_m_per_s());
+            let linear: DVec3 = m.iter().zip(v).map(|(m, v)| *m * *v).sum();
+            let angular: DVec3 = m.iter().zip(x).zip(v).map(|((m, x), v)| x.cross(*m * *v)).sum();
+            (linear, angular)
+        };
+        let before = momenta(&body);
+        body.advance(None, 200, SemiImplicitEuler::default()).unwrap();
+        let after = momenta(&body);
+        assert!((after.0 - before.0).length() < 1e-12 * (1.0 + before.0.length()), "{tissue:?}");
+        assert!((after.1 - before.1).length() < 1e-12 * (1.0 + before.1.length()), "{tissue:?}");
+    }
+}
+
+#[test]
+fn tangent_of_a_body_is_the_derivative_of_its_forces() {
+    for tissue in tissues() {
+        let mut body = block([3, 3, 4], &tissue);
+        let mut random = Random(5);
+        set_places(&mut body, |x| x + 4e-3 * (random.vector() - 0.5));
+        let pattern = TangentPattern::new(&body);
+        let mut tangent = pattern.zero();
+        pattern.fill(&body, false, &mut tangent);
+        let (x, still) = (body.positions_m().to_vec(), vec![DVec3::ZERO; body.positions_m().len()]);
+        let free = body.network().free().to_vec();
+        let mut forces = |x: &[DVec3], v: &[DVec3]| {
+            body.set_state(x, v).unwrap();
+            let mut force = still.clone();
+            body.internal_forces_n(&mut force);
+            force
+        };
+        let largest = tangent.stiffness().val().iter().fold(0.0_f64, |most, k| most.max(k.abs()));
+        let h = 1e-7;
+        for (column, &node) in free.iter().enumerate() {
+            for axis in 0..3 {
+                let moved = |by: f64, of: &[DVec3]| {
+                    let mut of = of.to_vec();
+                    of[node][axis] += by;
+                    of
+                };
+                let (up, down) = (forces(&moved(h, &x), &still), forces(&moved(-h, &x), &still));
+                let (fast, slow) = (forces(&x, &moved(1.0, &still)), forces(&x, &moved(-1.0, &still)));
+                for (row, &other) in free.iter().enumerate() {
+                    for along in 0..3 {
+                        let at = |of: faer::sparse::SparseColMatRef<'_, usize, f64>| {
+                            of.get(3 * row + along, 3 * column + axis).copied().unwrap_or(0.0)
+                        };
+                        let k = (down[other][along] - up[other][along]) / (2.0 * h);
+                        assert!((k - at(tangent.stiffness())).abs() < 1e-6 * largest, "{tissue:?}");
+                        let b = (slow[other][along] - fast[other][along]) / 2.0;
+                        assert!((b - at(tangent.damping())).abs() < 1e-9 * largest, "{tissue:?}");
+                    }
+                }
+            }
+        }
+    }
+}
