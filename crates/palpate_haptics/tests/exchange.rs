@@ -12,7 +12,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 const CAPACITY: Capacity = Capacity {
     order: 6,
-    near: NearFieldCapacity { nodes: 3, order: 6, ring: 3, springs: 6, points: 3, triangles: 1 },
+    near: NearFieldCapacity {
+        nodes: 3,
+        order: 6,
+        ring: 3,
+        springs: 6,
+        hexahedra: 8,
+        points: 3,
+        triangles: 1,
+    },
     second: NearFieldCapacity::NONE,
 };
 const TICK_S: f64 = 1e-3;

@@ -3,13 +3,13 @@
 use crate::error::LabError;
 use clap::ValueEnum;
 use glam::DVec3;
-use palpate_body::{Block, Body, Face, ToolContact, ToolShape, UniformLattice};
+use palpate_body::{Block, Body, ElasticLaw, Face, Tissue, ToolContact, ToolShape, UniformLattice};
 use std::f64::consts::TAU;
 
 /// Coefficient of friction of a tool that touches.
 const FRICTION: f64 = 0.3;
 
-/// A cube of equal springs with its bottom fixed.
+/// A cube of equal springs, or of elements, with its bottom fixed.
 #[derive(Clone, Copy, Debug)]
 pub struct BlockScene {
     /// Number of nodes along x, y and z.
@@ -18,12 +18,55 @@ pub struct BlockScene {
     pub edge_m: f64,
     /// Mass of the block, shared equally by its nodes, kg.
     pub mass_kg: f64,
-    /// Stiffness of each spring, N/m.
+    /// Stiffness of each spring, N/m. Elements have the Young's modulus of the springs.
     pub stiffness_n_per_m: f64,
+    /// What the block consists of.
+    pub material: BlockMaterial,
     /// Damping of each damper over the root of stiffness times mass of a node.
     pub damping_ratio: f64,
     /// Contact between the tool and the block.
     pub contact: ContactKind,
+}
+
+/// What a block consists of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BlockMaterial {
+    /// Equal springs.
+    Springs,
+    /// Hexahedral elements.
+    Hexahedra {
+        /// Elastic law.
+        law: ElasticLaw,
+        /// Poisson's ratio.
+        poissons_ratio: f64,
+    },
+}
+
+/// Elements of a body, as options of commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum ElementOption {
+    /// Springs between the nodes
+    Spring,
+    /// Eight-node hexahedra
+    Hex,
+}
+
+/// Elastic laws of elements, as options of commands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LawOption {
+    /// Linear elasticity in the rotated frame
+    Corotational,
+    /// Compressible neo-Hookean solid
+    NeoHookean,
+}
+
+impl From<LawOption> for ElasticLaw {
+    fn from(law: LawOption) -> Self {
+        match law {
+            LawOption::Corotational => Self::CorotationalLinear,
+            LawOption::NeoHookean => Self::NeoHookean,
+        }
+    }
 }
 
 /// Contact between a tool and a block.
@@ -44,6 +87,7 @@ impl Default for BlockScene {
             mass_kg: 1.0,
             stiffness_n_per_m: 100.0,
             damping_ratio: 0.7,
+            material: BlockMaterial::Springs,
             contact: ContactKind::Held,
         }
     }
@@ -63,7 +107,17 @@ impl BlockScene {
         let [x, y, z] = self.nodes;
         let block = Block::new(self.nodes, DVec3::splat(self.edge_m))?.fix(Face::NegZ);
         let node = block.node([x / 2, y / 2, z - 1]);
-        let block = block.uniform(&lattice)?;
+        let springs = block.uniform(&lattice)?;
+        let block = match self.material {
+            BlockMaterial::Springs => springs,
+            BlockMaterial::Hexahedra { law, poissons_ratio } => block.elements(&Tissue {
+                youngs_modulus_pa: springs.network.grid().map_or(0.0, |grid| grid.youngs_modulus_pa()[node]),
+                poissons_ratio,
+                density_kg_per_m3: self.mass_kg / self.edge_m.powi(3),
+                damping_ratio: self.damping_ratio,
+                law,
+            })?,
+        };
         let body = Body::new(block.network, block.surface)?;
         let at = body.positions_m()[node];
         let (contact, start) = match self.contact {

@@ -58,7 +58,30 @@ pub struct ElementMaterial {
     pub viscous_js: LameParameters,
 }
 
+impl Default for HexahedronShape {
+    /// A cube with sides of 1 m.
+    fn default() -> Self {
+        let corners =
+            std::array::from_fn(|c| DVec3::from_array([0, 1, 2].map(|axis| (c >> axis & 1) as f64)));
+        Self::new(&corners).unwrap_or(Self {
+            gradient_per_m: [DVec3::ZERO; MODES],
+            rest_m: [DVec3::ZERO; HOURGLASSES.len()],
+            hourglass_per_m2: [0.0; HOURGLASSES.len()],
+            volume_m3: 0.0,
+            gradient_bound_per_m2: 0.0,
+            hourglass_bound_per_m2: 0.0,
+        })
+    }
+}
+
 impl ElementMaterial {
+    /// Whether all numbers are finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        let is_finite = |of: LameParameters| of.mu.is_finite() && of.lambda.is_finite();
+        is_finite(self.parameters_j) && is_finite(self.viscous_js)
+    }
+
     /// Whether the material has a damper.
     #[must_use]
     #[inline]
@@ -190,6 +213,13 @@ impl HexahedronShape {
         let is_near = |a: &DVec3, b: &DVec3, size: f64| a.distance(*b) <= SAME_SHAPE * size;
         c.iter().zip(&other.gradient_per_m).all(|(a, b)| is_near(a, b, size_per_m))
             && x.iter().zip(&other.rest_m).all(|(a, b)| is_near(a, b, size_per_m.recip()))
+    }
+
+    /// Whether all numbers are finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.gradient_per_m.iter().chain(&self.rest_m).all(|v| v.is_finite())
+            && self.hourglass_per_m2.iter().all(|k| k.is_finite())
     }
 
     /// Volume at rest, m³.

@@ -10,13 +10,13 @@ mod elements;
 mod surface;
 
 pub use capacity::NearFieldCapacity;
-pub use elements::{NearEnd, NearSpring, NearTetrahedron};
+pub use elements::{NearEnd, NearHexahedron, NearSpring, NearTetrahedron};
 pub use surface::{NearContact, NearPatch, NearPoint, NearTriangle};
 
 use crate::dense::{Cholesky, zeros};
 use crate::{LocalModelError, OtherToolForce};
 use glam::DVec3;
-use palpate_laws::{MAX_PATCHES, Spring, ToolShape, VirtualCoupling};
+use palpate_laws::{HexahedronShape, MAX_PATCHES, Spring, ToolShape, VirtualCoupling};
 
 /// How the tool acts on the support set S.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -66,9 +66,9 @@ impl TickIntegrator {
     }
 }
 
-/// The support set S with exact springs, and the rest of the body linearised about the model step and reduced to δx_r = V q.
+/// The support set S with exact springs and elements, and the rest of the body linearised about the model step and reduced to δx_r = V q.
 ///
-/// The springs and the strongly compressed cells incident to S keep their nonlinear laws. V is orthonormal with respect to the mass
+/// The springs, elements and strongly compressed cells incident to S keep their nonlinear laws. V is orthonormal with respect to the mass
 /// matrix: Vᵀ M V = 1. The state is z = (δx_S, q) of 3s + p numbers. Buffers have the length of their capacity; matrices are
 /// stored by rows in the first entries.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,6 +83,10 @@ pub struct NearField {
     pub springs: usize,
     /// Number of near tetrahedra.
     pub tetrahedra: usize,
+    /// Number of near hexahedra.
+    pub hexahedra: usize,
+    /// Number of shapes of near hexahedra.
+    pub shapes: usize,
     /// Number of surface points.
     pub points: usize,
     /// Number of surface triangles.
@@ -103,6 +107,10 @@ pub struct NearField {
     pub near: Vec<NearSpring>,
     /// Near tetrahedra: those of strongly compressed cells that have a node in S.
     pub tetrahedron: Vec<NearTetrahedron>,
+    /// Near hexahedra: the elements incident to S.
+    pub hexahedron: Vec<NearHexahedron>,
+    /// Shapes of the near hexahedra at rest.
+    pub shape: Vec<HexahedronShape>,
     /// Surface points.
     pub point: Vec<NearPoint>,
     /// Surface triangles.
@@ -152,7 +160,7 @@ impl NearField {
     /// An empty near field with buffers for `capacity`.
     #[must_use]
     pub fn with_capacity(capacity: NearFieldCapacity) -> Self {
-        let NearFieldCapacity { nodes, order, ring, springs, points, triangles } = capacity;
+        let NearFieldCapacity { nodes, order, ring, springs, hexahedra, points, triangles } = capacity;
         let n = 3 * nodes + order;
         Self {
             nodes: 0,
@@ -160,6 +168,8 @@ impl NearField {
             ring: 0,
             springs: 0,
             tetrahedra: 0,
+            hexahedra: 0,
+            shapes: 0,
             points: 0,
             triangles: 0,
             support: Support::Driven,
@@ -173,6 +183,8 @@ impl NearField {
                 springs
             ],
             tetrahedron: vec![NearTetrahedron::default(); 2 * springs],
+            hexahedron: vec![NearHexahedron::default(); hexahedra],
+            shape: vec![HexahedronShape::default(); hexahedra],
             point: vec![NearPoint::default(); points],
             triangle: vec![NearTriangle::default(); triangles],
             contact: NearContact::default(),
@@ -204,6 +216,7 @@ impl NearField {
             order: self.force.len().saturating_sub(3 * self.node_m.len()),
             ring: self.ring_m.len(),
             springs: self.near.len(),
+            hexahedra: self.hexahedron.len(),
             points: self.point.len(),
             triangles: self.triangle.len(),
         }
@@ -224,6 +237,7 @@ impl NearField {
         };
         let step = on_z.saturating_add(6 * self.ring * p).saturating_add(SPRING_WORK * self.springs);
         let step = step.saturating_add(TETRAHEDRON_WORK.saturating_mul(self.tetrahedra));
+        let step = step.saturating_add(HEXAHEDRON_WORK.saturating_mul(self.hexahedra));
         step.saturating_mul(self.integrator.substeps() as usize)
     }
 
@@ -237,7 +251,7 @@ impl NearField {
     pub fn clear(&mut self) {
         (self.nodes, self.order, self.ring) = (0, 0, 0);
         (self.springs, self.points, self.triangles) = (0, 0, 0);
-        self.tetrahedra = 0;
+        (self.tetrahedra, self.hexahedra, self.shapes) = (0, 0, 0);
         self.is_cut = false;
         self.other = OtherToolForce::default();
         self.contact.count = 0;
@@ -254,6 +268,8 @@ impl NearField {
             ("nodes of the ring", self.ring, capacity.ring),
             ("near springs", self.springs, capacity.springs),
             ("near tetrahedra", self.tetrahedra, capacity.springs.saturating_mul(2)),
+            ("near hexahedra", self.hexahedra, capacity.hexahedra),
+            ("shapes of near hexahedra", self.shapes, capacity.hexahedra),
             ("points of the surface", self.points, capacity.points),
             ("triangles", self.triangles, capacity.triangles),
         ] {
@@ -312,12 +328,16 @@ impl NearField {
         let end_is_finite = |end: &NearEnd| !matches!(end, NearEnd::Fixed(x) if !x.is_finite());
         let springs = self.near.get(..self.springs).unwrap_or_default();
         let tetrahedra = self.tetrahedron.get(..self.tetrahedra).unwrap_or_default();
+        let hexahedra = self.hexahedron.get(..self.hexahedra).unwrap_or_default();
+        let shapes = self.shape.get(..self.shapes).unwrap_or_default();
         let points = self.point.get(..self.points).unwrap_or_default();
         let triangles = self.triangle.get(..self.triangles).unwrap_or_default();
         for (what, ok) in [
             ("positions of S", self.node_m.get(..self.nodes).is_some_and(finite)),
             ("positions of the ring", self.ring_m.get(..self.ring).is_some_and(finite)),
             ("ends of near springs", springs.iter().all(|spring| end_is_finite(&spring.b))),
+            ("materials of near hexahedra", hexahedra.iter().all(|of| of.material.is_finite())),
+            ("shapes of near hexahedra", shapes.iter().all(HexahedronShape::is_finite)),
             (
                 "weights of the surface",
                 points.iter().all(|point| {
@@ -352,6 +372,13 @@ impl NearField {
                     .iter()
                     .flat_map(|tetrahedron| tetrahedron.nodes)
                     .all(|node| node < self.nodes + self.ring),
+            ),
+            (
+                "a near hexahedron",
+                hexahedra.iter().all(|of| {
+                    of.shape < self.shapes
+                        && of.nodes.iter().all(|node| usize::from(*node) < self.nodes + self.ring)
+                }),
             ),
             (
                 "a point of the surface",
@@ -425,7 +452,7 @@ impl NearField {
         }
         (self.nodes, self.order, self.ring) = (other.nodes, other.order, other.ring);
         (self.springs, self.points, self.triangles) = (other.springs, other.points, other.triangles);
-        self.tetrahedra = other.tetrahedra;
+        (self.tetrahedra, self.hexahedra, self.shapes) = (other.tetrahedra, other.hexahedra, other.shapes);
         (self.support, self.integrator) = (other.support, other.integrator);
         (self.tick_s, self.is_cut) = (other.tick_s, other.is_cut);
         (self.start_m, self.energy_j) = (other.start_m, other.energy_j);
@@ -436,6 +463,8 @@ impl NearField {
         copy(&mut self.ring_m, &other.ring_m, other.ring);
         copy(&mut self.near, &other.near, other.springs);
         copy(&mut self.tetrahedron, &other.tetrahedron, other.tetrahedra);
+        copy(&mut self.hexahedron, &other.hexahedron, other.hexahedra);
+        copy(&mut self.shape, &other.shape, other.shapes);
         copy(&mut self.point, &other.point, other.points);
         copy(&mut self.triangle, &other.triangle, other.triangles);
         let targets = [
@@ -464,6 +493,8 @@ const MIN_RADIUS_M: f64 = 1e-6;
 const SPRING_WORK: usize = 60;
 /// Cost of a volume barrier, in multiplications.
 const TETRAHEDRON_WORK: usize = 60;
+/// Cost of a hexahedron, in multiplications.
+const HEXAHEDRON_WORK: usize = 600;
 /// Maximum number of substeps of a tick.
 pub(crate) const MAX_SUBSTEPS: u32 = 64;
 

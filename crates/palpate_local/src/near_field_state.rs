@@ -21,23 +21,23 @@ pub(crate) struct NearFieldState {
     z_dot: Vec<f64>,
     /// Forces on S, N, then the generalised forces on q.
     force: Vec<f64>,
-    /// Internal force on each node of S, N: springs, dampers and volume barriers.
+    /// Internal force on each node of S, N: springs, dampers, elements and volume barriers.
     internal_n: Vec<DVec3>,
-    /// Displacements and velocities of the ring, and the forces of near springs and tetrahedra on it, three numbers a node.
+    /// Displacements and velocities of the ring, and the forces of near springs, elements and tetrahedra on it, three numbers a node.
     ring_dx: Vec<f64>,
     ring_v: Vec<f64>,
     ring_n: Vec<f64>,
-    /// The nodes of S, then those of the ring, as ends of springs.
-    ends: Vec<SpringEnd>,
+    /// The nodes of S, then those of the ring.
+    ends: Vec<NodeState>,
     /// Whether `internal_n` and `ring_n` belong to the current state.
     are_forces_current: bool,
     scratch: Vec<f64>,
     contacts: BodyContacts,
 }
 
-/// An end of springs: position, m, velocity, m/s, and the sum of the spring forces on it, N.
+/// A node of S or of the ring: position, m, velocity, m/s, and the sum of the forces of springs and elements on it, N.
 #[derive(Clone, Copy, Debug, Default)]
-struct SpringEnd {
+struct NodeState {
     x: DVec3,
     v: DVec3,
     force_n: DVec3,
@@ -55,7 +55,7 @@ impl NearFieldState {
             ring_dx: still.clone(),
             ring_v: still.clone(),
             ring_n: still,
-            ends: vec![SpringEnd::default(); capacity.nodes + capacity.ring],
+            ends: vec![NodeState::default(); capacity.nodes + capacity.ring],
             are_forces_current: false,
             scratch: zero,
             contacts: BodyContacts::with_capacity(capacity),
@@ -166,6 +166,23 @@ impl NearFieldState {
             };
             elastic += energy([o.1, a.1, b.1, c.1]) - energy([o.0, a.0, b.0, c.0]);
         }
+        for element in field.hexahedron.iter().take(field.hexahedra) {
+            let place = |node: u16| match usize::from(node).checked_sub(field.nodes) {
+                None => {
+                    let node = usize::from(node);
+                    let x = field.node_m.get(node).copied().unwrap_or_default();
+                    (x, x + vec3_at(z, node))
+                }
+                Some(i) => {
+                    let x = field.ring_m.get(i).copied().unwrap_or_default();
+                    (x, x + vec3_at(&self.ring_dx, i))
+                }
+            };
+            let Some(shape) = field.shape.get(element.shape) else { continue };
+            let corners = element.nodes.map(place);
+            elastic += shape.energy_j(&corners.map(|of| of.1), &element.material)
+                - shape.energy_j(&corners.map(|of| of.0), &element.material);
+        }
         // −(F_far,N + B̃ q̇_N)ᵀ q + ½ qᵀ K̃ q: the damper forces at the model step are excluded.
         let (q, p) = (z.get(s..).unwrap_or_default(), field.order.max(1));
         let q_dot_n = field.velocity.get(s..n).unwrap_or_default();
@@ -242,7 +259,7 @@ impl NearFieldState {
         }
     }
 
-    /// Computes the forces of the near springs and tetrahedra on S and on the ring, unless they are current.
+    /// Computes the forces of the near springs, elements and tetrahedra on S and on the ring, unless they are current.
     fn update_internal_forces(&mut self, field: &NearField) {
         if std::mem::replace(&mut self.are_forces_current, true) {
             return;
@@ -252,7 +269,7 @@ impl NearFieldState {
         let of_s = field.node_m.iter().zip(vectors(z)).zip(vectors(z_dot)).take(field.nodes);
         let of_ring = field.ring_m.iter().zip(vectors(ring_dx)).zip(vectors(ring_v)).take(field.ring);
         for (to, ((rest, dx), v)) in ends.iter_mut().zip(of_s.chain(of_ring)) {
-            *to = SpringEnd { x: *rest + dx, v, force_n: DVec3::ZERO };
+            *to = NodeState { x: *rest + dx, v, force_n: DVec3::ZERO };
         }
         for near in field.near.iter().take(field.springs) {
             let Some(a) = ends.get(near.a) else { continue };
@@ -270,6 +287,16 @@ impl NearFieldState {
             }
             if let Some(b) = index.and_then(|index| ends.get_mut(index)) {
                 b.force_n -= f;
+            }
+        }
+        for element in field.hexahedron.iter().take(field.hexahedra) {
+            let Some(shape) = field.shape.get(element.shape) else { continue };
+            let corners = element.nodes.map(|node| ends.get(usize::from(node)).copied().unwrap_or_default());
+            let forces = shape.forces_n(&corners.map(|of| of.x), &corners.map(|of| of.v), &element.material);
+            for (node, force) in element.nodes.iter().zip(forces) {
+                if let Some(end) = ends.get_mut(usize::from(*node)) {
+                    end.force_n += force;
+                }
             }
         }
         let (of_s, of_ring) = ends.split_at(field.nodes.min(ends.len()));

@@ -168,7 +168,16 @@ impl Manipulate {
     pub(crate) fn scene(&self) -> Result<(Body, ToolContact, DVec3), LabError> {
         let Self { edge_m, mass_kg, damping_ratio, contact, .. } = *self;
         let (nodes, stiffness_n_per_m) = ([self.nodes; 3], self.stiffness);
-        BlockScene { nodes, edge_m, mass_kg, stiffness_n_per_m, damping_ratio, contact }.build()
+        let block = BlockScene {
+            nodes,
+            edge_m,
+            mass_kg,
+            stiffness_n_per_m,
+            damping_ratio,
+            contact,
+            ..BlockScene::default()
+        };
+        block.build()
     }
 
     /// Samples of the movement from `start`, with backward differences as velocities.

@@ -3,8 +3,9 @@
 use crate::ReduceError;
 use crate::far_field::FarField;
 use crate::options::BuilderOptions;
+use crate::tangent_block::tangent_block;
 use glam::DMat3;
-use palpate_body::{BarrierTetrahedron, Body, Tangent, ToolContact};
+use palpate_body::{Body, Tangent, ToolContact};
 use palpate_local::LocalModel;
 
 /// Writes the linear reduced system of `body` driven at `node` into `model`. The forces of the `others`, the other tools on the body,
@@ -23,7 +24,7 @@ pub(crate) fn build(
     let basis = far_field.build_basis(body, tangent, &[node], options, max_columns)?;
     let (p, h, r) = (basis.order(), options.tick_s, &mut model.reduced);
     (r.order, r.step_s) = (p, h);
-    let (x, v) = (body.positions_m(), body.velocities_m_per_s());
+    let v = body.velocities_m_per_s();
     let (internal_n, external_n) = (far_field.internal_n(), far_field.external_n());
     basis.project(
         |node| internal_n[node] + external_n[node],
@@ -32,32 +33,22 @@ pub(crate) fn build(
             (r.force[j], r.velocity[j]) = (f, momentum);
         },
     );
-    let is_near = vec![false; network.links().len()];
-    let barriers: Vec<BarrierTetrahedron> = body.active_barriers().collect();
-    basis.congruence(body, (&is_near, &barriers), model.clamped, &mut r.stiffness, &mut r.damping);
+    basis.congruence_of_tangent(tangent, &mut r.stiffness, &mut r.damping);
     r.stiffness_rc[..3 * p].fill(0.0);
     r.damping_rc[..3 * p].fill(0.0);
     (model.stiffness_n_per_m, model.damping_ns_per_m) = (DMat3::ZERO, DMat3::ZERO);
-    for &index in network.incident_links(node) {
-        let link = &network.links()[index];
-        let other = if link.a == node { link.b } else { link.a };
-        let t = link.spring.tangent(x[link.b] - x[link.a], model.clamped);
-        model.stiffness_n_per_m += t.stiffness;
-        model.damping_ns_per_m += t.damping;
-        basis.subtract_coupling(other, t.stiffness, &mut r.stiffness_rc);
-        basis.subtract_coupling(other, t.damping, &mut r.damping_rc);
-    }
-    for tetrahedron in &barriers {
-        let Some(own) = tetrahedron.nodes.iter().position(|&other| other == node) else { continue };
-        for ((i, &other), blocks) in
-            tetrahedron.nodes.iter().enumerate().zip(tetrahedron.stiffness(x, model.clamped))
+    let driven = network.free_index(node);
+    for (matrix, own, coupling) in [
+        (tangent.stiffness(), &mut model.stiffness_n_per_m, &mut r.stiffness_rc),
+        (tangent.damping(), &mut model.damping_ns_per_m, &mut r.damping_rc),
+    ] {
+        let Some(column) = driven else { continue };
+        *own = tangent_block(matrix, column, column);
+        // A column of blocks has three entries of each.
+        for row in
+            matrix.row_idx_of_col(3 * column).step_by(3).map(|dof| dof / 3).filter(|row| *row != column)
         {
-            if i == own {
-                model.stiffness_n_per_m += blocks[own];
-            } else {
-                // The block in the row of the driven node and the column of the other.
-                basis.subtract_coupling(other, -blocks[own].transpose(), &mut r.stiffness_rc);
-            }
+            basis.subtract_coupling(network.free()[row], -tangent_block(matrix, column, row), coupling);
         }
     }
     let implicit: Vec<f64> = (0..p * p)

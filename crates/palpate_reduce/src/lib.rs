@@ -96,6 +96,7 @@ mod reduction_bases;
 mod second_order_system;
 mod state_space;
 mod static_stiffness;
+mod tangent_block;
 
 pub use balancing::{Balancing, Truncated};
 pub use bode::{Bode, BodePoint};

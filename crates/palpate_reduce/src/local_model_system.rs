@@ -94,8 +94,9 @@ fn matrices(field: &NearField) -> (Mat<f64>, Mat<f64>) {
         k += g.transpose() * block(tangent.stiffness) * &g;
         b += g.transpose() * block(tangent.damping) * &g;
     }
-    if let Some(barriers) = crate::near_field::barrier_stiffness::over_state(field, false) {
-        k += barriers;
+    if let Some(of) = crate::near_field::element_stiffness::over_state(field, false) {
+        k += of.stiffness;
+        b += of.damping;
     }
     (k, b)
 }

@@ -1,7 +1,7 @@
 //! The local model of [`palpate_local::Scheme::NearFieldExact`]: the near field of a body, with its far field reduced.
 
-pub(crate) mod barrier_stiffness;
 mod capacity;
+pub(crate) mod element_stiffness;
 mod error_bound;
 mod ring_projection;
 mod support;
@@ -17,7 +17,8 @@ use crate::options::BuilderOptions;
 use glam::DVec3;
 use palpate_body::{BarrierTetrahedron, Body, SurfaceTree, Tangent, ToolContact, ToolPoint, VolumeBarrier};
 use palpate_local::{
-    LocalModelError, NearEnd, NearField, NearSpring, NearTetrahedron, OtherToolForce, TickIntegrator,
+    LocalModelError, NearEnd, NearField, NearHexahedron, NearSpring, NearTetrahedron, OtherToolForce,
+    TickIntegrator,
 };
 use support::{SupportLimits, SupportSet};
 
@@ -114,13 +115,14 @@ impl NearFieldBuilder {
         basis: &Basis,
         field: &mut NearField,
     ) -> Result<(), ReduceError> {
-        let &BuildInput { body, is_clamped, contact, options, integrator, .. } = input;
+        let &BuildInput { body, tangent, is_clamped, contact, options, integrator, .. } = input;
         let (network, v) = (body.network(), body.velocities_m_per_s());
         self.write_support(far_field, input, support, field)?;
         field.order = basis.order();
-        // Forces of the far springs and tetrahedra: the near ones are subtracted below.
+        // Forces of the far springs, elements and tetrahedra: the near ones are subtracted below.
         let mut far_n = far_field.internal_n().to_vec();
         let is_near = self.write_springs(body, &support.nodes, field, &mut far_n)?;
+        self.write_hexahedra(body, &support.nodes, field, &mut far_n)?;
         surface::write(body, contact, (support, &self.ring), field.proxy_m, field)?;
         let far_tetrahedra = self.write_tetrahedra(body, field, &mut far_n)?;
         let (s, entries) = (field.nodes, 3 * field.ring);
@@ -137,8 +139,13 @@ impl NearFieldBuilder {
             },
         );
         write_other(input, basis, &self.roles, field);
-        let far = (&is_near[..], &far_tetrahedra[..]);
-        basis.congruence(body, far, is_clamped, &mut field.stiffness, &mut field.damping);
+        if body.network().hexahedra().is_empty() {
+            let far = (&is_near[..], &far_tetrahedra[..]);
+            basis.congruence(body, far, is_clamped, &mut field.stiffness, &mut field.damping);
+        } else {
+            basis.congruence_of_tangent(tangent, &mut field.stiffness, &mut field.damping);
+            element_stiffness::subtract_near(field, is_clamped);
+        }
         field.integrator = integrator.unwrap_or_else(|| tick_integrator::select(body, options));
         tick_integrator::write_matrices(field)
     }
@@ -214,6 +221,48 @@ impl NearFieldBuilder {
             }
         }
         Ok(is_near)
+    }
+
+    /// Writes the near hexahedra, those with a free node in S, and subtracts their forces from `far_n`.
+    fn write_hexahedra(
+        &mut self,
+        body: &Body,
+        support: &[usize],
+        field: &mut NearField,
+        far_n: &mut [DVec3],
+    ) -> Result<(), ReduceError> {
+        let (network, x, v) = (body.network(), body.positions_m(), body.velocities_m_per_s());
+        let elements = network.hexahedra();
+        let free = support.iter().filter(|&&node| !network.is_fixed(node));
+        let mut near: Vec<usize> = free.flat_map(|&node| elements.incident(node)).collect();
+        near.sort_unstable();
+        near.dedup();
+        if near.len() > field.hexahedron.len() {
+            return Err(too_many("near hexahedra", near.len(), field.hexahedron.len()));
+        }
+        field.hexahedra = near.len();
+        for (i, element) in near.into_iter().map(|index| elements.get(index)).enumerate() {
+            for (node, force) in element.nodes.into_iter().zip(element.forces_n(x, v)) {
+                far_n[node] -= force;
+            }
+            let mut nodes = [0; 8];
+            for (to, node) in nodes.iter_mut().zip(element.nodes) {
+                *to = match self.roles[node] {
+                    NodeRole::Support(i) => i,
+                    NodeRole::Ring(i) => field.nodes + i,
+                    // The ring may contain fixed nodes: their rows of V are zero.
+                    NodeRole::Far => field.nodes + self.add_to_ring(node, x[node], field)?,
+                } as u16;
+            }
+            let known = field.shape[..field.shapes].iter().position(|shape| shape == element.shape);
+            let shape = known.unwrap_or(field.shapes);
+            if known.is_none() {
+                field.shape[shape] = *element.shape;
+                field.shapes += 1;
+            }
+            field.hexahedron[i] = NearHexahedron { nodes, shape, material: *element.material };
+        }
+        Ok(())
     }
 
     /// Writes the near tetrahedra, and subtracts their forces from `far_n`. Returns the other tetrahedra with an active barrier.

@@ -1,8 +1,9 @@
 //! The local linear approximation of the seed paper (its Fig. 8): the nodes near the tool move, and all others are fixed.
 
 use crate::ReduceError;
+use crate::tangent_block::tangent_block;
 use faer::sparse::SparseColMatRef;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 use palpate_body::{Body, Network, Tangent};
 use palpate_local::LocalModel;
 use std::collections::HashSet;
@@ -85,8 +86,9 @@ impl Workspace {
                 }
             }
         }
-        model.stiffness_n_per_m = own_block(k, dof(node, 0));
-        model.damping_ns_per_m = own_block(b, dof(node, 0));
+        let own = dof(node, 0) / 3;
+        model.stiffness_n_per_m = tangent_block(k, own, own);
+        model.damping_ns_per_m = tangent_block(b, own, own);
         for (entry, value) in self.implicit[..p * p].iter_mut().enumerate() {
             let (row, column) = (entry / p, entry % p);
             let inertia = if row == column { network.mass_kg()[self.nodes[row / 3]] / tick_s } else { 0.0 };
@@ -122,11 +124,4 @@ pub(crate) fn nodes_within(network: &Network, node: usize, rings: usize) -> Vec<
         front = next;
     }
     within
-}
-
-/// The 3 × 3 block of the node whose first degree of freedom is `first`.
-fn own_block(matrix: SparseColMatRef<'_, usize, f64>, first: usize) -> DMat3 {
-    let entry = |row: usize, column: usize| matrix.get(first + row, first + column).copied().unwrap_or(0.0);
-    let column = |c: usize| DVec3::new(entry(0, c), entry(1, c), entry(2, c));
-    DMat3::from_cols(column(0), column(1), column(2))
 }

@@ -190,8 +190,15 @@ const MAX_CAPACITY: Capacity = Capacity { order: 192, near: OF_BODY, second: OF_
 
 /// Capacity for a body: for support sets of 64 nodes, as surfaces embedded in cells need them under a large tool, and ten points of the
 /// surface for each.
-const OF_BODY: NearFieldCapacity =
-    NearFieldCapacity { nodes: 64, order: 192, ring: 950, springs: 1664, points: 640, triangles: 1280 };
+const OF_BODY: NearFieldCapacity = NearFieldCapacity {
+    nodes: 64,
+    order: 192,
+    ring: 950,
+    springs: 1664,
+    hexahedra: 512,
+    points: 640,
+    triangles: 1280,
+};
 
 fn start(
     device: Box<dyn HapticDevice>,

@@ -3,19 +3,19 @@
 use crate::{LoopConfig, LoopSettings, haptic_loop};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, PatchScale, Spring, SurfacePlace, ToolShape, VirtualCoupling,
-    VolumeBarrier,
+    ElementMaterial, HexahedronShape, LameParameters, MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, PatchScale,
+    Spring, SurfacePlace, ToolShape, VirtualCoupling, VolumeBarrier,
 };
 use palpate_local::{
     Capacity, Cholesky, Contact, HandOverSettings, LocalModel, ModelId, NearContact, NearEnd, NearField,
-    NearFieldCapacity, NearPatch, NearSpring, NearTetrahedron, NearTriangle, OtherToolForce, Scheme,
-    SecondBody, Support, TickIntegrator,
+    NearFieldCapacity, NearHexahedron, NearPatch, NearSpring, NearTetrahedron, NearTriangle, OtherToolForce,
+    Scheme, SecondBody, Support, TickIntegrator,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const CAPACITY: Capacity = Capacity { order: 5, near: OF_BODY, second: OF_BODY };
 const OF_BODY: NearFieldCapacity =
-    NearFieldCapacity { nodes: 4, order: 6, ring: 8, springs: 12, points: 5, triangles: 5 };
+    NearFieldCapacity { nodes: 4, order: 6, ring: 8, springs: 12, hexahedra: 8, points: 5, triangles: 5 };
 
 /// Number of models to be received.
 const RECEIVED: u64 = if cfg!(miri) { 20 } else { 10_000 };
@@ -98,6 +98,8 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         ring,
         springs,
         tetrahedra,
+        hexahedra,
+        shapes,
         points,
         triangles,
         support,
@@ -108,6 +110,8 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         basis,
         near,
         tetrahedron,
+        hexahedron,
+        shape: shapes_at_rest,
         point,
         triangle,
         contact,
@@ -136,6 +140,8 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         (ring, capacity.ring),
         (springs, capacity.springs),
         (tetrahedra, 2 * capacity.springs),
+        (hexahedra, capacity.hexahedra),
+        (shapes, capacity.hexahedra),
         (points, capacity.points),
         (triangles, capacity.triangles),
     ] {
@@ -170,6 +176,17 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         let edges = [DVec3::X * n.next(), DVec3::Y, DVec3::Z];
         let barrier = VolumeBarrier::new(edges, n.next()).unwrap();
         *tetrahedron = NearTetrahedron { nodes: [n.size(3), n.size(3), n.size(7), n.size(7)], barrier };
+    }
+    for element in hexahedron {
+        let mut of = || LameParameters { mu: n.next(), lambda: n.next() };
+        let material = ElementMaterial { parameters_j: of(), viscous_js: of(), ..ElementMaterial::default() };
+        let nodes = [0; 8].map(|_| n.size(7) as u16);
+        *element = NearHexahedron { nodes, shape: n.size(7), material };
+    }
+    for shape in shapes_at_rest {
+        let size_m = DVec3::new(n.next(), n.next(), n.next());
+        let corner = |c: usize| size_m * DVec3::from_array([0, 1, 2].map(|axis| (c >> axis & 1) as f64));
+        *shape = HexahedronShape::new(&std::array::from_fn(corner)).unwrap();
     }
     for point in point {
         point.nodes.iter_mut().for_each(|carrier| *carrier = (n.size(3), n.next()));

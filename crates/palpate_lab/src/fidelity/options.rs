@@ -1,7 +1,9 @@
 //! Options of `palpate-lab fidelity`, their allowed ranges, and the scene that they describe.
 
 use super::comparison::{FROM, Run, Samples};
-use crate::block_scene::{BlockScene, builtin_offset_m, period_ticks};
+use crate::block_scene::{
+    BlockMaterial, BlockScene, ContactKind, ElementOption, LawOption, builtin_offset_m, period_ticks,
+};
 use crate::error::{LabError, check, number, whole};
 use clap::Args;
 use glam::DVec3;
@@ -33,6 +35,18 @@ pub(crate) struct Fidelity {
     /// Damping of each damper over the root of stiffness times mass of a node
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.7)]
     pub(super) damping_ratio: f64,
+    /// What the block consists of; elements have the Young's modulus of the springs
+    #[arg(long, value_enum, default_value = "spring")]
+    pub(super) element: ElementOption,
+    /// Elastic law of elements
+    #[arg(long, value_enum, default_value = "neo-hookean")]
+    pub(super) law: LawOption,
+    /// Poisson's ratio of elements, 0 to 0.49
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.45)]
+    pub(super) poisson: f64,
+    /// Contact between the tool and the block
+    #[arg(long, value_enum, default_value = "held")]
+    pub(super) contact: ContactKind,
     /// Model steps a second
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 20.0)]
     pub(super) model_rate_hz: f64,
@@ -118,6 +132,7 @@ impl Fidelity {
         check("--edge-m", self.edge_m, self.edge_m > 0.0, "finite and above 0")?;
         check("--mass-kg", self.mass_kg, self.mass_kg > 0.0, "finite and above 0")?;
         check("--stiffness", self.stiffness, self.stiffness > 0.0, "finite and above 0")?;
+        check("--poisson", self.poisson, (0.0..=0.49).contains(&self.poisson), "0 to 0.49")?;
         check("--damping-ratio", self.damping_ratio, self.damping_ratio >= 0.0, "finite and at least 0")?;
         let step = self.position_step_mm;
         check("--position-step-mm", step, (0.0..=10.0).contains(&step), "0 to 10")
@@ -133,10 +148,16 @@ impl Fidelity {
 
     /// Block at rest, tool that holds the middle of its top, and position of the tool, m.
     pub(super) fn scene(&self) -> Result<(Body, ToolContact, DVec3), LabError> {
-        let Self { edge_m, mass_kg, damping_ratio, .. } = *self;
+        let Self { edge_m, mass_kg, damping_ratio, contact, .. } = *self;
         let (nodes, stiffness_n_per_m) = (self.nodes.0, self.stiffness);
+        let material = match self.element {
+            ElementOption::Spring => BlockMaterial::Springs,
+            ElementOption::Hex => {
+                BlockMaterial::Hexahedra { law: self.law.into(), poissons_ratio: self.poisson }
+            }
+        };
         let block =
-            BlockScene { nodes, edge_m, mass_kg, stiffness_n_per_m, damping_ratio, ..BlockScene::default() };
+            BlockScene { nodes, edge_m, mass_kg, stiffness_n_per_m, damping_ratio, material, contact };
         block.build()
     }
 

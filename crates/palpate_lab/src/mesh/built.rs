@@ -69,6 +69,7 @@ fn build(part: MeshPart, options: &Mesh, scale_m: f64, start: Instant) -> Result
         youngs_modulus_pa: options.youngs_pa,
         density_kg_per_m3: DENSITY_KG_PER_M3,
         damping_ratio: DAMPING_RATIO,
+        ..Tissue::default()
     };
     let lattice = joined.lattice().map_err(BodyError::from)?;
     let lattice = lattice.fix_base(Face::NegY, BASE);

@@ -31,6 +31,7 @@ impl Scene {
             youngs_modulus_pa: probe.youngs_pa,
             density_kg_per_m3: probe.density,
             damping_ratio: probe.damping,
+            ..Tissue::default()
         };
         let (network, surface) = match &probe.mesh {
             Some(path) => mesh(probe, path, tissue)?,

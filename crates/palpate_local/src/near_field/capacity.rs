@@ -7,10 +7,12 @@ pub struct NearFieldCapacity {
     pub nodes: usize,
     /// Maximum number p of columns of the far field's basis V.
     pub order: usize,
-    /// Maximum number of ring nodes: nodes outside S that share a near spring or tetrahedron with S.
+    /// Maximum number of ring nodes: nodes outside S that share a near spring, tetrahedron or element with S.
     pub ring: usize,
     /// Maximum number of near springs. The maximum number of near tetrahedra is twice that.
     pub springs: usize,
+    /// Maximum number of near hexahedra, and of their shapes.
+    pub hexahedra: usize,
     /// Maximum number of surface points.
     pub points: usize,
     /// Maximum number of surface triangles.
@@ -19,12 +21,13 @@ pub struct NearFieldCapacity {
 
 impl NearFieldCapacity {
     /// No near field.
-    pub const NONE: Self = Self { nodes: 0, order: 0, ring: 0, springs: 0, points: 0, triangles: 0 };
+    pub const NONE: Self =
+        Self { nodes: 0, order: 0, ring: 0, springs: 0, hexahedra: 0, points: 0, triangles: 0 };
 }
 
 impl Default for NearFieldCapacity {
     /// Sizes for sixteen nodes of a lattice in which each node has 26 neighbours.
     fn default() -> Self {
-        Self { nodes: 16, order: 64, ring: 112, springs: 400, points: 96, triangles: 192 }
+        Self { nodes: 16, order: 64, ring: 112, springs: 400, hexahedra: 64, points: 96, triangles: 192 }
     }
 }

@@ -1,7 +1,7 @@
-//! The springs and volume barriers of a near field, as plain data.
+//! The springs, volume barriers and elements of a near field, as plain data.
 
 use glam::DVec3;
-use palpate_laws::{Spring, VolumeBarrier};
+use palpate_laws::{ElementMaterial, Spring, VolumeBarrier};
 
 /// The end b of a near spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,4 +32,15 @@ pub struct NearTetrahedron {
     pub nodes: [usize; 4],
     /// Volume barrier.
     pub barrier: VolumeBarrier,
+}
+
+/// A hexahedral element that has a free node in S.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NearHexahedron {
+    /// Nodes of the corners: an index i < s is node i of S, s + i is node i of the ring.
+    pub nodes: [u16; 8],
+    /// Index of the shape in [`NearField::shape`](crate::NearField::shape).
+    pub shape: usize,
+    /// Material.
+    pub material: ElementMaterial,
 }

@@ -3,7 +3,7 @@
 use super::*;
 
 const CAPACITY: NearFieldCapacity =
-    NearFieldCapacity { nodes: 3, order: 2, ring: 2, springs: 3, points: 3, triangles: 1 };
+    NearFieldCapacity { nodes: 3, order: 2, ring: 2, springs: 3, hexahedra: 2, points: 3, triangles: 1 };
 
 /// A near field with one triangle and three springs.
 fn triangle() -> NearField {
@@ -48,7 +48,7 @@ fn validate_rejects_invalid_masses_supports_tools_and_friction() {
 fn validate_rejects_non_finite_numbers_in_use() {
     assert_eq!(triangle().validate(), Ok(()));
     type Corrupt = fn(&mut NearField);
-    let cases: [(&str, Corrupt); 12] = [
+    let cases: [(&str, Corrupt); 13] = [
         ("weights", |f| f.weight[2] = f64::NAN),
         ("inverse masses", |f| f.node_per_kg[0] = f64::INFINITY),
         ("basis", |f| f.basis[5] = f64::NAN),
@@ -60,6 +60,10 @@ fn validate_rejects_non_finite_numbers_in_use() {
         ("positions of the ring", |f| f.ring_m[0].y = f64::NAN),
         ("ends of near springs", |f| f.near[2].b = NearEnd::Fixed(DVec3::NAN)),
         ("weights of the surface", |f| f.point[1].nodes[0].1 = f64::NAN),
+        ("materials of near hexahedra", |f| {
+            (f.hexahedra, f.shapes) = (1, 1);
+            f.hexahedron[0].material.parameters_j.mu = f64::NAN;
+        }),
         ("tick", |f| f.tick_s = 0.0),
     ];
     for (what, corrupt) in cases {
@@ -77,7 +81,7 @@ fn validate_rejects_non_finite_numbers_in_use() {
 #[test]
 fn validate_rejects_wrong_sizes_and_indices() {
     type Corrupt = fn(&mut NearField);
-    let cases: [Corrupt; 13] = [
+    let cases: [Corrupt; 17] = [
         |f| f.nodes = usize::MAX,
         |f| f.order = 3,
         |f| f.ring = 3,
@@ -85,11 +89,15 @@ fn validate_rejects_wrong_sizes_and_indices() {
         |f| f.points = 4,
         |f| f.triangles = 2,
         |f| f.tetrahedra = 7,
+        |f| f.hexahedra = 3,
+        |f| f.shapes = 3,
         |f| f.near[0].a = 3,
         |f| f.near[0].b = NearEnd::Ring(1),
         |f| f.point[2].nodes[0].0 = 4,
         |f| f.triangle[0].points[2] = 3,
         |f| (f.tetrahedra, f.tetrahedron[0].nodes) = (1, [0, 1, 2, 4]),
+        |f| (f.hexahedra, f.shapes, f.hexahedron[0].nodes[7]) = (1, 1, 4),
+        |f| f.hexahedra = 1,
         |f| f.integrator = TickIntegrator::Explicit { substeps: 65 },
     ];
     for (i, corrupt) in cases.into_iter().enumerate() {
@@ -97,8 +105,8 @@ fn validate_rejects_wrong_sizes_and_indices() {
         corrupt(&mut bad);
         let error = bad.validate().unwrap_err();
         match i {
-            0..7 => assert!(matches!(error, LocalModelError::Capacity { .. }), "{error}"),
-            7..12 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
+            0..9 => assert!(matches!(error, LocalModelError::Capacity { .. }), "{error}"),
+            9..16 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
             _ => assert!(matches!(error, LocalModelError::Setting { .. }), "{error}"),
         }
     }

@@ -4,7 +4,7 @@ use crate::obstacle_constraints::ObstacleConstraints;
 use faer::linalg::matmul::{matmul, triangular};
 use faer::{Accum, Mat, MatRef, Par, Side};
 use glam::{DMat3, DVec3};
-use palpate_body::{BarrierTetrahedron, Body, Network};
+use palpate_body::{BarrierTetrahedron, Body, Network, Tangent};
 use std::ops::Range;
 use triangular::BlockStructure::{Rectangular, TriangularLower};
 
@@ -203,7 +203,7 @@ impl Basis {
         all
     }
 
-    /// Subtracts V_iᵀ `block` of the node `node` from `coupling`, p × 3.
+    /// Subtracts V_iᵀ `block`ᵀ of the node `node` from `coupling`, p × 3.
     pub(crate) fn subtract_coupling(&self, node: usize, block: DMat3, coupling: &mut [f64]) {
         let p = self.order();
         let Some(rows) = self.rows_of(node).map(|rows| &self.rows[rows]) else { return };
@@ -259,8 +259,39 @@ impl Basis {
                 }
             }
         }
+        self.write_congruences(&products, [stiffness, damping]);
+    }
+
+    /// Writes Vᵀ K V and Vᵀ B V of the whole tangent over the far nodes into `stiffness` and `damping`, by rows.
+    pub(crate) fn congruence_of_tangent(
+        &self,
+        tangent: &Tangent,
+        stiffness: &mut [f64],
+        damping: &mut [f64],
+    ) {
+        let p = self.order();
+        let row = |dof: usize| self.row[dof / 3].map(|first| first + dof % 3);
+        let products = [tangent.stiffness(), tangent.damping()].map(|matrix| {
+            let mut product = vec![0.0; self.rows.len()];
+            for column in 0..matrix.ncols() {
+                let Some(from) = row(column) else { continue };
+                let from = &self.rows[from * p..(from + 1) * p];
+                for (dof, value) in matrix.row_idx_of_col(column).zip(matrix.val_of_col(column)) {
+                    let Some(to) = row(dof) else { continue };
+                    let to = &mut product[to * p..(to + 1) * p];
+                    to.iter_mut().zip(from).for_each(|(to, v)| *to += value * v);
+                }
+            }
+            product
+        });
+        self.write_congruences(&products, [stiffness, damping]);
+    }
+
+    /// Writes Vᵀ times each of `products`, K V and B V by rows, into `matrices`, by rows.
+    fn write_congruences(&self, products: &[Vec<f64>; 2], matrices: [&mut [f64]; 2]) {
+        let p = self.order();
         let transposed = |rows| MatRef::from_column_major_slice(rows, p, 3 * self.nodes.len());
-        for (matrix, product) in [stiffness, damping].into_iter().zip(&products) {
+        for (matrix, product) in matrices.into_iter().zip(products) {
             let mut lower = Mat::<f64>::zeros(p, p);
             let [v, kv] = [&self.rows, product].map(|rows| transposed(rows));
             triangular::matmul(

@@ -12,13 +12,19 @@ pub(crate) fn capacity(body: &Body, nodes: usize, order: usize) -> NearFieldCapa
     let network = body.network();
     let degree = network.free().iter().map(|&node| network.incident_links(node).len()).max().unwrap_or(0);
     let springs = (nodes * degree).min(network.links().len());
+    let elements = network.hexahedra();
+    let incident = network.free().iter().map(|&node| elements.incident(node).count()).max().unwrap_or(0);
+    let hexahedra = (nodes * incident).min(elements.len());
+    // A node has seven others in each of its elements.
+    let ring = springs.saturating_add(7 * hexahedra).min(network.node_count());
     let surface = body.contact_surface();
     let points = surface.points().len().min(POINTS_PER_NODE * nodes + POINTS_BEYOND_SUPPORT);
     NearFieldCapacity {
         nodes,
         order: order.min(3 * network.free().len()),
-        ring: springs.min(network.node_count()),
+        ring,
         springs,
+        hexahedra,
         points,
         // A closed surface has twice as many triangles as points.
         triangles: surface.triangles().len().min(2 * points),

@@ -1,6 +1,6 @@
 //! A bound of the error of the reduced far field.
 
-use super::{barrier_stiffness, ring_projection};
+use super::{element_stiffness, ring_projection};
 use crate::far_field::basis::Basis;
 use faer::sparse::SparseColMatRef;
 use glam::DVec3;
@@ -74,9 +74,12 @@ fn reduced(field: &NearField, mut y: Vec<f64>) -> Option<Vec<f64>> {
         (0..=i).for_each(|j| a[i * p + j] += ring[(i, j)]);
         a[i * p + i] += SIGMA * SIGMA;
     }
-    if let Some(barriers) = barrier_stiffness::over_state(field, false) {
+    if let Some(of) = element_stiffness::over_state(field, false) {
         let s = 3 * field.nodes;
-        (0..p * p).for_each(|at| a[at] += barriers[(s + at / p, s + at % p)]);
+        for at in 0..p * p {
+            let entry = (s + at / p, s + at % p);
+            a[at] += of.stiffness[entry] + SIGMA * of.damping[entry];
+        }
     }
     let mut factor = Cholesky::with_capacity(p);
     factor.factorise(p, &a).ok()?;

@@ -1,6 +1,6 @@
 //! The integrator of a near field's ticks, and the matrices of implicit ones.
 
-use super::{barrier_stiffness, ring_projection};
+use super::{element_stiffness, ring_projection};
 use crate::ReduceError;
 use crate::options::{BuilderOptions, LocalIntegrator};
 use glam::DMat3;
@@ -69,9 +69,11 @@ pub(super) fn write_matrices(field: &mut NearField) -> Result<(), ReduceError> {
             add_near_spring(field, near, block, matrix);
         }
     }
-    if let Some(barriers) = barrier_stiffness::over_state(field, true) {
-        for (i, row) in k.chunks_exact_mut(n).enumerate() {
-            row.iter_mut().enumerate().for_each(|(j, to)| *to += barriers[(i, j)]);
+    if let Some(of) = element_stiffness::over_state(field, true) {
+        for (matrix, add) in [(&mut k, &of.stiffness), (&mut b, &of.damping)] {
+            for (i, row) in matrix.chunks_exact_mut(n).enumerate() {
+                row.iter_mut().enumerate().for_each(|(j, to)| *to += add[(i, j)]);
+            }
         }
     }
     let is_driven = field.support == Support::Driven;
