@@ -76,9 +76,9 @@ fn reduced(field: &NearField, mut y: Vec<f64>) -> Option<Vec<f64>> {
     }
     if let Some(of) = element_stiffness::over_state(field, false) {
         let s = 3 * field.nodes;
-        for at in 0..p * p {
+        for (at, a) in a.iter_mut().enumerate() {
             let entry = (s + at / p, s + at % p);
-            a[at] += of.stiffness[entry] + SIGMA * of.damping[entry];
+            *a += of.stiffness[entry] + SIGMA * of.damping[entry];
         }
     }
     let mut factor = Cholesky::with_capacity(p);
