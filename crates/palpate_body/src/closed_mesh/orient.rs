@@ -3,7 +3,9 @@
 use super::MeshError;
 use super::edges::{Side, sides};
 use super::geometry::volume;
+use crate::disjoint_sets::DisjointSets;
 use glam::DVec3;
+use std::collections::BTreeMap;
 
 /// A closed surface with consistent triangles, in parts that are connected by edges.
 pub(super) struct Oriented {
@@ -45,7 +47,12 @@ pub(super) fn orient(
     if let (false, Some(side)) = (agreed, first_pinched) {
         return Err(MeshError::NonManifold { edges: pinched_edges, at_m: middle(side) });
     }
-    // With pinched edges all triangles are consistent already; otherwise every edge has two triangles.
+    if pinched_edges > 0 {
+        // All triangles are consistent already.
+        let (part, parts) = parts_beside_pinched_edges(&sides, triangles.len());
+        return Ok(Oriented { triangles: triangles.to_vec(), part, parts, pinched_edges });
+    }
+    // Every edge has two triangles.
     let neighbours = neighbours(&sides, triangles.len());
     let mut turned: Vec<Option<bool>> = vec![None; triangles.len()];
     let (mut part, mut parts) = (vec![0; triangles.len()], 0);
@@ -59,7 +66,7 @@ pub(super) fn orient(
             part[triangle] = parts;
             let own = turned[triangle].unwrap_or_default();
             for &(other, agree) in neighbours.of(triangle) {
-                let wanted = own != (!agree && !agreed);
+                let wanted = own == agree;
                 match turned[other] {
                     None => {
                         turned[other] = Some(wanted);
@@ -79,6 +86,33 @@ pub(super) fn orient(
     };
     let triangles = triangles.iter().zip(&turned).map(turn).collect();
     Ok(Oriented { triangles, part, parts, pinched_edges })
+}
+
+/// Part of each triangle, and the number of parts, of consistent triangles of which more than two may share an edge. Parts that are closed at
+/// such an edge only touch there, and may face differently.
+fn parts_beside_pinched_edges(sides: &[Side], triangles: usize) -> (Vec<usize>, usize) {
+    let mut sets = DisjointSets::new(triangles);
+    let groups = || sides.chunk_by(|a, b| a.edge == b.edge);
+    for pair in groups().filter(|group| group.len() == 2) {
+        sets.unite(pair[0].triangle as usize, pair[1].triangle as usize);
+    }
+    for group in groups().filter(|group| group.len() > 2) {
+        let mut excess: BTreeMap<usize, i32> = BTreeMap::new();
+        for side in group {
+            *excess.entry(sets.find(side.triangle as usize)).or_default() += if side.is_up { 1 } else { -1 };
+        }
+        let mut open = excess.into_iter().filter(|(_, excess)| *excess != 0).map(|(root, _)| root);
+        if let Some(first) = open.next() {
+            open.for_each(|other| sets.unite(first, other));
+        }
+    }
+    let mut number = BTreeMap::new();
+    let of = |triangle: usize| {
+        let next = number.len();
+        *number.entry(sets.find(triangle)).or_insert(next)
+    };
+    let part = (0..triangles).map(of).collect();
+    (part, number.len())
 }
 
 /// Rejects parts whose mean thickness, 2 V/A, is within the tolerance.

@@ -156,6 +156,22 @@ fn accepts_an_edge_shared_by_two_cubes() {
 }
 
 #[test]
+fn parts_that_touch_along_an_edge_are_oriented_separately() {
+    let beside = || cube(0.1).moved(DVec3::new(0.1, 0.1, 0.0));
+    for mesh in [
+        cube(0.1).and(&beside()),
+        cube(0.1).inside_out().and(&beside()),
+        cube(0.1).and(&beside().inside_out()),
+        cube(0.1).inside_out().and(&beside().inside_out()),
+    ] {
+        let mesh = mesh.close().unwrap();
+        assert!((mesh.volume_m3() - 2e-3).abs() < 1e-15, "{}", mesh.volume_m3());
+        let [in_one, in_other] = [DVec3::splat(0.04), DVec3::new(0.06, 0.06, 0.0)];
+        assert!(mesh.contains(in_one) && mesh.contains(in_other));
+    }
+}
+
+#[test]
 fn rejects_open_flat_and_non_manifold_meshes_with_the_position() {
     let mut open = sphere(0.05, 8);
     open.triangles.remove(17);
@@ -209,15 +225,20 @@ fn rejects_intersecting_parts_and_accepts_touching_ones() {
     let aligned = cube(0.1).and(&cube(0.1).moved(DVec3::splat(0.05)));
     assert!(matches!(rejected(&aligned), MeshError::Crossing { .. }), "{}", rejected(&aligned));
     // A single surface that intersects itself: a figure of eight swept around an axis.
-    let eight = torus(0.06, 0.02, 32, 24).map(|x| {
-        let from_axis = x.truncate().length();
-        let (out, up) = ((from_axis - 0.06) / 0.02, x.z / 0.02);
-        let around = up.atan2(out);
-        let bent = 0.06 + 0.02 * (2.0 * around).sin();
-        DVec3::new(x.x / from_axis * bent, x.y / from_axis * bent, 0.03 * around.sin())
-    });
-    let found = rejected(&eight);
+    let eight = |around| {
+        torus(0.06, 0.02, 32, around).map(|x| {
+            let from_axis = x.truncate().length();
+            let (out, up) = ((from_axis - 0.06) / 0.02, x.z / 0.02);
+            let around = up.atan2(out);
+            let bent = 0.06 + 0.02 * (2.0 * around).sin();
+            DVec3::new(x.x / from_axis * bent, x.y / from_axis * bent, 0.03 * around.sin())
+        })
+    };
+    let found = rejected(&eight(25));
     assert!(matches!(found, MeshError::Crossing { .. } | MeshError::Flat { .. }), "{found}");
+    // With vertices where it does, its halves touch along a circle. Each has the cross-section 4/3 · 0.02 m · 0.03 m.
+    let volume_m3 = eight(48).close().unwrap().volume_m3();
+    assert!((volume_m3 / (2.0 * 8e-4 * 2.0 * PI * 0.06) - 1.0).abs() < 0.02, "{volume_m3}");
 }
 
 #[test]
