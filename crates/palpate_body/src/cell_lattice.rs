@@ -22,6 +22,7 @@ use cell_parts::CellParts;
 use embedding::trilinear_weights;
 use glam::{DQuat, DVec3};
 use kept_cells::KeptCells;
+use material::FilledCells;
 use std::sync::{Arc, OnceLock};
 
 /// Depth below the bounds of a mesh of a layer with its outermost nodes, in cells: they lie at most half a cell outside, and the next ones at
@@ -279,7 +280,7 @@ impl<'a> CellLattice<'a> {
         Ok(self)
     }
 
-    /// Creates the body with the cells filled with `tissue`.
+    /// Creates the body with the cells filled with `tissue`, as springs.
     ///
     /// # Errors
     /// [`BodyError`] for an invalid tissue, if all nodes are fixed, or if none is without
@@ -287,6 +288,35 @@ impl<'a> CellLattice<'a> {
     /// [`MeshError::EmptyRegion`] for a region without any part of the body; [`MeshError::TooManyNodes`] beyond
     /// [`CellLattice::MAX_NODES`].
     pub fn tissue(&self, tissue: &Tissue) -> Result<MeshBody, BodyError> {
+        self.body(tissue, |cells, means, rest_m, fixed| {
+            let made = material::springs(cells, means, rest_m)?;
+            let network = NetworkBuilder::of(rest_m.to_vec(), made.mass_kg, fixed, made.links);
+            Ok(network.with_cells(cells.embedding.cells().to_vec()))
+        })
+    }
+
+    /// Creates the body with the cells filled with `tissue`, as hexahedral elements. The parameters of a partly filled cell are those of its
+    /// tissue times φ.
+    ///
+    /// # Errors
+    /// As [`CellLattice::tissue`].
+    pub fn elements(&self, tissue: &Tissue) -> Result<MeshBody, BodyError> {
+        let made = self.body(tissue, |cells, means, rest_m, fixed| {
+            let mut network = NetworkBuilder::of(rest_m.to_vec(), vec![0.0; rest_m.len()], fixed, Vec::new());
+            for ((nodes, share), mean) in cells.embedding.cells().iter().zip(cells.share).zip(means) {
+                network.hexahedron(*nodes, mean, *share);
+            }
+            Ok(network)
+        })?;
+        Ok(made.with_poissons_ratio(tissue.poissons_ratio))
+    }
+
+    /// Creates the body with the network that `build` makes of the filled cells, their mean tissues, the nodes at rest and the fixed nodes.
+    fn body(
+        &self,
+        tissue: &Tissue,
+        build: impl FnOnce(&FilledCells<'_>, &[Tissue], &[DVec3], Vec<bool>) -> Result<NetworkBuilder, BodyError>,
+    ) -> Result<MeshBody, BodyError> {
         tissue.validate()?;
         self.regions.iter().try_for_each(|(_, other)| other.validate())?;
         let (mesh, grid) = (self.mesh, self.grid);
@@ -305,12 +335,12 @@ impl<'a> CellLattice<'a> {
         let at_m = |ijk: &[usize; 3]| mesh.center_m() + grid.at_m(DVec3::from_array(ijk.map(|n| n as f64)));
         let rest_m: Vec<DVec3> = embedding.nodes().iter().map(at_m).collect();
         let share: Vec<f64> = kept.cells.iter().map(|(_, share)| *share).collect();
-        let made = material::material(&embedding, &share, (tissue, &self.regions), mesh, &rest_m)?;
+        let filled = FilledCells { embedding: &embedding, share: &share };
+        let means = material::mean_tissues(&filled, (tissue, &self.regions), mesh)?;
         let fixed = self.fixed(&embedding, &rest_m)?;
-        let network = NetworkBuilder::of(rest_m, made.mass_kg, fixed, made.links)
-            .with_cells(embedding.cells().to_vec());
+        let network = build(&filled, &means, &rest_m, fixed)?;
         let network = if self.allow_free { network.allow_unconstrained() } else { network }.build()?;
-        let cells = crate::Grid::new(grid.cell_m, made.youngs_modulus_pa);
+        let cells = crate::Grid::new(grid.cell_m, material::node_moduli_pa(&filled, &means));
         let is_whole = |share: &f64| (share - 1.0).abs() < WHOLE_CELL;
         let cells = if share.iter().all(is_whole) { cells } else { cells.partly_filled() };
         let network = network.with_grid(cells);
@@ -456,6 +486,11 @@ const WHOLE_TOLERANCE: f64 = 1e-6;
 const MAX_GRID_CELLS: f64 = 0.01;
 
 impl MeshBody {
+    fn with_poissons_ratio(mut self, poissons_ratio: f64) -> Self {
+        self.network = self.network.with_poissons_ratio(poissons_ratio);
+        self
+    }
+
     /// Rotates the body by `rotation` about the origin and then translates it by `translation_m`, m.
     ///
     /// # Errors

@@ -1,4 +1,4 @@
-//! The full deformable body of palpate: a network of point masses, springs and dampers with full geometric
+//! The full deformable body of palpate: a network of point masses with springs, dampers and elements between them, with full geometric
 //! nonlinearity.
 //!
 //! The crate builds bodies as blocks, as lattices or from closed meshes, and steps them through time with tools,
@@ -31,13 +31,13 @@
 //!
 //! # Contents
 //!
-//! * Networks: [`Network`], built by a [`NetworkBuilder`] from nodes and [`Link`]s; [`Lattice`], regular in one to
+//! * Networks: [`Network`], built by a [`NetworkBuilder`] from nodes, [`Link`]s and [`Hexahedra`]; [`Lattice`], regular in one to
 //!   three dimensions; [`Block`], a lattice with its [`Surface`], with or without a [`Slit`].
 //! * Meshes: [`ClosedMesh`] from triangles that enclose a volume, or a [`MeshError`] with the remedy; [`JoinedMesh`] from
 //!   several [`MeshPart`]s, each with a [`Region`];
 //!   [`CellLattice`], cubic cells fitted to it, with tissue and fixed nodes by [`Region`]; the resulting [`MeshBody`]
 //!   with its [`Skin`].
-//! * Material: [`UniformLattice`], equal springs; [`Tissue`], from Young's modulus and density.
+//! * Material: [`UniformLattice`], equal springs; [`Tissue`], from Young's modulus and density, as springs or as elements with an [`ElasticLaw`].
 //! * State and time: [`Body`], [`BodyState`], [`Integrator`], [`StepReport`]; [`Energy`], [`EnergyBalance`].
 //! * Tools: [`ToolContact`] and [`ToolPoint`]; [`TouchedPoint`], a row of a contact patch on the [`ContactSurface`];
 //!   the [`Grid`] of cells below it; [`SurfaceTree`], the nearest point of the surface. A [`SharedTool`] touches several

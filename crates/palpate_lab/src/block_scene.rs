@@ -51,6 +51,24 @@ pub enum ElementOption {
     Hex,
 }
 
+impl ElementOption {
+    /// Name of the option.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Spring => "spring",
+            Self::Hex => "hex",
+        }
+    }
+
+    /// Name of several elements.
+    pub fn plural(self) -> &'static str {
+        match self {
+            Self::Spring => "springs",
+            Self::Hex => "hexahedra",
+        }
+    }
+}
+
 /// Elastic laws of elements, as options of commands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LawOption {
@@ -58,6 +76,16 @@ pub enum LawOption {
     Corotational,
     /// Compressible neo-Hookean solid
     NeoHookean,
+}
+
+impl LawOption {
+    /// Name of the option.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Corotational => "corotational",
+            Self::NeoHookean => "neo-hookean",
+        }
+    }
 }
 
 impl From<LawOption> for ElasticLaw {

@@ -19,6 +19,12 @@ pub enum LabError {
     /// A body could not be built.
     #[error("the body cannot be built")]
     Body(#[from] palpate_body::BodyError),
+    /// A body has no equilibrium under a load, or it was not found.
+    #[error("no equilibrium: {why}")]
+    NoEquilibrium {
+        /// Cause and remedy.
+        why: String,
+    },
     /// A system could not be analysed.
     #[error("the system cannot be analysed")]
     Reduce(#[from] palpate_reduce::ReduceError),

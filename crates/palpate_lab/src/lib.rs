@@ -13,6 +13,7 @@
 mod app_tool;
 mod blackbox;
 pub mod block_scene;
+mod continuum;
 mod devices;
 pub mod error;
 mod faults;
@@ -49,6 +50,7 @@ enum Command {
     Devices(devices::Devices),
     Blackbox(blackbox::Blackbox),
     Fidelity(fidelity::Fidelity),
+    Continuum(continuum::Continuum),
     Mesh(mesh::Mesh),
     Probe(probe::Probe),
     Faults(faults::Faults),
@@ -68,6 +70,7 @@ pub fn run() -> ExitCode {
         Command::Devices(command) => command.run(&cli.output),
         Command::Blackbox(command) => command.run(&cli.output),
         Command::Fidelity(command) => command.run(&cli.output),
+        Command::Continuum(command) => command.run(&cli.output),
         Command::Mesh(command) => command.run(&cli.output),
         Command::Probe(command) => command.run(&cli.output),
         Command::Faults(command) => command.run(&cli.output),

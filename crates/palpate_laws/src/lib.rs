@@ -29,6 +29,8 @@
 //!
 //! * Springs: [`Spring`], a spring with a parallel damper, with force, energy and exact tangent; [`ForceLaw`], linear,
 //!   measured on skin ([`SkinLaw`]) or exponential.
+//! * Elements: [`ElasticLaw`], corotational linear or neo-Hookean, with [`LameParameters`]; [`HexahedronShape`], an eight-node hexahedron with
+//!   force, energy, exact tangent and bounds; [`ElementMaterial`].
 //! * One contact: [`unilateral_force`], the condition that a surface only pushes; [`Coulomb`], the same with friction, in
 //!   impulses.
 //! * The constraint problem: [`ConstraintRow`] and [`ConstraintLaw`]; [`solve_projected_gauss_seidel`];
@@ -61,6 +63,8 @@
 //!
 //! # Accuracy and limits
 //!
+//! * A hexahedron has one integration point. With 16 cells along the longest edge, bonded blocks, cantilevers and natural frequencies deviate from
+//!   converged solutions by at most 1 %, at Poisson's ratios up to 0.49.
 //! * The damper of a spring acts along its current axis only. [`SpringTangent`] omits the derivative of the damper's force
 //!   with respect to position, which is proportional to the velocity and not symmetric. The rest is exact, including the
 //!   geometric stiffness.

@@ -1,4 +1,4 @@
-//! Masses and springs of partly filled cells.
+//! Tissue, masses and springs of partly filled cells.
 
 use super::embedding::{Embedding, corner};
 use crate::cell_tissue::{cell_tissues, cells_beside};
@@ -7,31 +7,57 @@ use crate::{BodyError, CellStiffness, ClosedMesh, Link, Region, Tissue};
 use glam::DVec3;
 use palpate_laws::Spring;
 
-pub(super) struct Material {
+/// Cells with the shares of them that are filled.
+pub(super) struct FilledCells<'a> {
+    pub embedding: &'a Embedding<'a>,
+    pub share: &'a [f64],
+}
+
+pub(super) struct Springs {
     pub mass_kg: Vec<f64>,
     pub links: Vec<Link>,
-    /// Young's modulus at each node: the mean over its cells, weighted by their filled shares.
-    pub youngs_modulus_pa: Vec<f64>,
 }
 
 /// Filled share of a cell above which all of it is inside.
 const WHOLE: f64 = 1.0 - 1e-9;
 
-/// Masses and springs of cells with the filled shares `share`, made of `tissue`, or of another tissue in `regions`.
-pub(super) fn material(
-    embedding: &Embedding<'_>,
-    share: &[f64],
+/// Mean tissue of each cell, of `tissue` or of another one in `regions`.
+pub(super) fn mean_tissues(
+    &FilledCells { embedding, share }: &FilledCells<'_>,
     (tissue, regions): (&Tissue, &[(Region, Tissue)]),
     mesh: &ClosedMesh,
-    rest_m: &[DVec3],
-) -> Result<Material, BodyError> {
+) -> Result<Vec<Tissue>, BodyError> {
     let grid = embedding.grid();
     let at_m = |place: DVec3| mesh.center_m() + grid.at_m(place);
     let is_inside = |cell: usize, at_m: DVec3| share[cell] > WHOLE || mesh.contains(at_m);
-    let places = embedding.places().iter().copied();
-    let means = cell_tissues(places, at_m, is_inside, tissue, regions, grid.cell_m)?;
+    cell_tissues(embedding.places().iter().copied(), at_m, is_inside, tissue, regions, grid.cell_m)
+}
+
+/// Young's modulus at each node, Pa: the mean over its cells, weighted by their filled shares.
+pub(super) fn node_moduli_pa(
+    &FilledCells { embedding, share }: &FilledCells<'_>,
+    means: &[Tissue],
+) -> Vec<f64> {
+    let nodes = embedding.nodes().len();
+    let (mut modulus, mut filled) = (vec![0.0; nodes], vec![0.0; nodes]);
+    for ((nodes, share), mean) in embedding.cells().iter().zip(share).zip(means) {
+        for &node in nodes {
+            modulus[node] += share * mean.youngs_modulus_pa;
+            filled[node] += share;
+        }
+    }
+    modulus.iter().zip(&filled).map(|(sum, filled)| sum / filled).collect()
+}
+
+/// Masses and springs of cells with the mean tissues `means`.
+pub(super) fn springs(
+    &FilledCells { embedding, share }: &FilledCells<'_>,
+    means: &[Tissue],
+    rest_m: &[DVec3],
+) -> Result<Springs, BodyError> {
+    let grid = embedding.grid();
     let mut mass_kg = vec![0.0; embedding.nodes().len()];
-    for ((nodes, share), mean) in embedding.cells().iter().zip(share).zip(&means) {
+    for ((nodes, share), mean) in embedding.cells().iter().zip(share).zip(means) {
         let eighth = mean.density_kg_per_m3 * share * grid.cell_m.powi(3) / 8.0;
         nodes.iter().for_each(|&node| mass_kg[node] += eighth);
     }
@@ -64,15 +90,7 @@ pub(super) fn material(
             }
         }
     }
-    let (mut modulus, mut filled) = (vec![0.0; mass_kg.len()], vec![0.0; mass_kg.len()]);
-    for ((nodes, share), mean) in embedding.cells().iter().zip(share).zip(&means) {
-        for &node in nodes {
-            modulus[node] += share * mean.youngs_modulus_pa;
-            filled[node] += share;
-        }
-    }
-    let youngs_modulus_pa = modulus.iter().zip(&filled).map(|(sum, filled)| sum / filled).collect();
-    Ok(Material { mass_kg, links, youngs_modulus_pa })
+    Ok(Springs { mass_kg, links })
 }
 
 /// Kept parts of the cells that have both the corner of the grid at `ijk` and the one a `step` from it, with the numbers of these corners.

@@ -110,7 +110,7 @@ impl NetworkBuilder {
 
     fn add_hexahedron(&mut self, nodes: [usize; 8], tissue: &Tissue, fill: f64) -> Result<(), BodyError> {
         tissue.validate()?;
-        check("filled share of an element", fill, fill > 0.0 && fill <= 1.0, "above 0 and at most 1")?;
+        check("filled share of an element", fill, fill > 0.0 && fill.is_finite(), "finite and above 0")?;
         let element = self.hexahedra.len();
         let mut corners = [DVec3::ZERO; 8];
         for (to, node) in corners.iter_mut().zip(nodes) {

@@ -2,6 +2,7 @@
 
 mod blackbox;
 mod closeness;
+mod continuum;
 mod devices;
 mod mesh;
 mod organ;
