@@ -96,11 +96,11 @@ impl Statics {
         }
         let mut change = vec![DVec3::ZERO; internal.len()];
         for (index, &node) in free.iter().enumerate() {
-            for axis in 0..3 {
+            change[node] = DVec3::from_array([0, 1, 2].map(|axis| {
                 let row = 3 * index + axis;
                 let held: f64 = forces.iter().enumerate().map(|(j, f)| f * rhs[(row, 1 + j)]).sum();
-                change[node][axis] = rhs[(row, 0)] + held;
-            }
+                rhs[(row, 0)] + held
+            }));
         }
         Ok((change, forces))
     }
