@@ -29,7 +29,7 @@ impl Default for Tissue {
 impl From<Tissue> for palpate_body::Tissue {
     fn from(tissue: Tissue) -> Self {
         let Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } = tissue;
-        Self { youngs_modulus_pa, density_kg_per_m3, damping_ratio }
+        Self { youngs_modulus_pa, density_kg_per_m3, damping_ratio, ..Self::default() }
     }
 }
 

@@ -76,7 +76,6 @@ impl NumberField {
 /// # Errors
 /// [`BodyError::Parameter`].
 pub(super) fn check_tissue(tissue: &Tissue) -> Result<(), BodyError> {
-    let Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } = *tissue;
-    let tissue = palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio };
+    let tissue = palpate_body::Tissue::from(*tissue);
     Block::new([2; 3], DVec3::splat(0.01))?.allow_unconstrained().tissue(&tissue).map(|_| ())
 }
