@@ -301,14 +301,13 @@ impl<'a> CellLattice<'a> {
     /// # Errors
     /// As [`CellLattice::tissue`].
     pub fn elements(&self, tissue: &Tissue) -> Result<MeshBody, BodyError> {
-        let made = self.body(tissue, |cells, means, rest_m, fixed| {
+        self.body(tissue, |cells, means, rest_m, fixed| {
             let mut network = NetworkBuilder::of(rest_m.to_vec(), vec![0.0; rest_m.len()], fixed, Vec::new());
             for ((nodes, share), mean) in cells.embedding.cells().iter().zip(cells.share).zip(means) {
                 network.hexahedron(*nodes, mean, *share);
             }
             Ok(network)
-        })?;
-        Ok(made.with_poissons_ratio(tissue.poissons_ratio))
+        })
     }
 
     /// Creates the body with the network that `build` makes of the filled cells, their mean tissues, the nodes at rest and the fixed nodes.
@@ -343,6 +342,8 @@ impl<'a> CellLattice<'a> {
         let cells = crate::Grid::new(grid.cell_m, material::node_moduli_pa(&filled, &means));
         let is_whole = |share: &f64| (share - 1.0).abs() < WHOLE_CELL;
         let cells = if share.iter().all(is_whole) { cells } else { cells.partly_filled() };
+        let cells =
+            if network.hexahedra().is_empty() { cells } else { cells.of_elements(tissue.poissons_ratio) };
         let network = network.with_grid(cells);
         let touched = TouchSurface::new(
             mesh,
@@ -486,11 +487,6 @@ const WHOLE_TOLERANCE: f64 = 1e-6;
 const MAX_GRID_CELLS: f64 = 0.01;
 
 impl MeshBody {
-    fn with_poissons_ratio(mut self, poissons_ratio: f64) -> Self {
-        self.network = self.network.with_poissons_ratio(poissons_ratio);
-        self
-    }
-
     /// Rotates the body by `rotation` about the origin and then translates it by `translation_m`, m.
     ///
     /// # Errors

@@ -154,12 +154,6 @@ impl Network {
         self
     }
 
-    /// Sets Poisson's ratio of the grid of cells, if the network has one.
-    pub(crate) fn with_poissons_ratio(mut self, poissons_ratio: f64) -> Self {
-        self.grid = self.grid.map(|grid| grid.with_poissons_ratio(poissons_ratio));
-        self
-    }
-
     /// The grid of cells, if the network has one.
     #[must_use]
     pub fn grid(&self) -> Option<&Grid> {

@@ -1,6 +1,7 @@
 //! Hexahedral elements against closed forms and converged solutions. The reference values are those of quadratic elements on graded meshes,
 //! extrapolated (cases 2, 3 and 6).
 
+use crate::mesh::ripple::{press, ripple};
 use glam::{DMat3, DVec3};
 use palpate_body::*;
 
@@ -401,5 +402,62 @@ fn tangent_of_a_body_is_the_derivative_of_its_forces() {
                 }
             }
         }
+    }
+}
+
+/// Differences of displacements under a force on a node of the top, which the distant bottom does not change much.
+#[test]
+fn surface_of_a_block_yields_as_the_table_of_hexahedra() {
+    for nu in [0.25, 0.37, 0.45] {
+        let block = Block::new([17, 17, 13], DVec3::new(0.16, 0.16, 0.12)).unwrap().fix(Face::NegZ);
+        let middle = block.node([8, 8, 12]);
+        let beside = [[9, 8], [9, 9], [10, 8], [10, 9], [11, 8], [8, 6]];
+        let beside = beside.map(|[i, j]| ([i as i32 - 8, j as i32 - 8], block.node([i, j, 12])));
+        let made = block.elements(&tissue(LINEAR, nu)).unwrap();
+        let mut body = Body::new(made.network, made.surface).unwrap();
+        let mut loads = vec![DVec3::ZERO; body.network().node_count()];
+        loads[middle] = -1e-6 * DVec3::Z;
+        body.set_loads(&loads).unwrap();
+        let solver = LinearSolver::ConjugateGradients;
+        let newton = LinearlyImplicitEuler {
+            tick_s: 1e4,
+            solver,
+            tolerance: 1e-10,
+            ..LinearlyImplicitEuler::default()
+        };
+        body.advance(None, 1, newton).unwrap();
+        let down =
+            |node: usize| (body.network().rest_m()[node].z - body.positions_m()[node].z) / 1e-6 * E * 0.01;
+        let table = |[i, j]: [i32; 2]| palpate_laws::hexahedra_compliance(nu, i, j);
+        for (offset, node) in beside {
+            let (found, expected) = (down(middle) - down(node), table([0, 0]) - table(offset));
+            assert!((found - expected).abs() < 0.01, "{nu} {offset:?}: {found}, {expected}");
+        }
+    }
+}
+
+/// A ball of half a cell and of a whole one, 0.4 radii deep, at places over a quarter of a cell's face. The force is Hertz's, a few per cent more
+/// on a block of this size, and the same everywhere.
+#[test]
+fn ball_feels_no_cells_and_hertz_s_force() {
+    const CELL: f64 = 0.01;
+    for (law, nu, cells, most) in [
+        (ElasticLaw::NeoHookean, 0.25, 0.5, 0.003),
+        (ElasticLaw::NeoHookean, 0.45, 0.5, 0.003),
+        (ElasticLaw::NeoHookean, 0.49, 0.5, 0.003),
+        (ElasticLaw::NeoHookean, 0.45, 1.0, 0.005),
+        (LINEAR, 0.45, 1.0, 0.013),
+    ] {
+        let block = Block::new([11, 11, 9], CELL * DVec3::new(10.0, 10.0, 8.0)).unwrap().fix(Face::NegZ);
+        let made = block.elements(&tissue(law, nu)).unwrap();
+        let body = Body::new(made.network, made.surface).unwrap();
+        let (radius_m, depth_m) = (cells * CELL, 0.4 * cells * CELL);
+        let hertz_n = 4.0 / 3.0 * E / (1.0 - nu * nu) * radius_m.sqrt() * depth_m.powf(1.5);
+        let force =
+            |[x, y]: [f64; 2]| press(&body, radius_m, (CELL * DVec3::new(x, y, 4.0), DVec3::Z), depth_m);
+        let forces = [[0.0, 0.0], [0.5, 0.5], [0.5, 0.02], [0.37, 0.21]].map(force);
+        let off = forces.iter().sum::<f64>() / forces.len() as f64 / hertz_n - 1.0;
+        let text = format!("{law:?} {nu} {cells}: {off}, {}", ripple(&forces));
+        assert!((-0.01..0.05).contains(&off) && ripple(&forces) < most, "{text}");
     }
 }

@@ -8,7 +8,7 @@ mod enclosed;
 mod lattice;
 mod limits;
 mod motion;
-mod ripple;
+pub mod ripple;
 mod shapes;
 mod skin;
 mod soups;

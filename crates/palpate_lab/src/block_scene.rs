@@ -1,7 +1,7 @@
 //! The scene that several commands share: a block with its bottom fixed, a tool at the middle of its top, and a movement.
 
-use crate::error::LabError;
-use clap::ValueEnum;
+use crate::error::{LabError, check, number};
+use clap::{Args, ValueEnum};
 use glam::DVec3;
 use palpate_body::{Block, Body, ElasticLaw, Face, Tissue, ToolContact, ToolShape, UniformLattice};
 use std::f64::consts::TAU;
@@ -40,6 +40,48 @@ pub enum BlockMaterial {
         /// Poisson's ratio.
         poissons_ratio: f64,
     },
+}
+
+/// Options of commands for what a body consists of.
+#[derive(Clone, Copy, Debug, Args)]
+pub struct ElementOptions {
+    /// What the body consists of
+    #[arg(long, value_enum, default_value = "spring")]
+    pub element: ElementOption,
+    /// Elastic law of elements
+    #[arg(long, value_enum, default_value = "neo-hookean")]
+    pub law: LawOption,
+    /// Poisson's ratio of elements, 0 to 0.49; springs have 0.25
+    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.45)]
+    poisson: f64,
+}
+
+impl ElementOptions {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`LabError::Parameter`].
+    pub fn validate(&self) -> Result<(), LabError> {
+        check("--poisson", self.poisson, (0.0..=0.49).contains(&self.poisson), "0 to 0.49")
+    }
+
+    /// Poisson's ratio of the body.
+    pub fn poissons_ratio(&self) -> f64 {
+        match self.element {
+            ElementOption::Spring => 0.25,
+            ElementOption::Hex => self.poisson,
+        }
+    }
+
+    /// What a block consists of.
+    pub fn material(&self) -> BlockMaterial {
+        match self.element {
+            ElementOption::Spring => BlockMaterial::Springs,
+            ElementOption::Hex => {
+                BlockMaterial::Hexahedra { law: self.law.into(), poissons_ratio: self.poisson }
+            }
+        }
+    }
 }
 
 /// Elements of a body, as options of commands.

@@ -1,7 +1,9 @@
-//! Generates `src/grid_compliance/table.rs`: the surface compliance of the spring lattice on a half-space.
+//! Generates `src/grid_compliance/table.rs`, the surface compliance of the spring lattice on a half-space, and
+//! `src/grid_compliance/hexahedra.rs`, that of cubic hexahedral elements.
 //!
 //! ```text
 //! cargo run --release -p palpate_laws --example grid_compliance > crates/palpate_laws/src/grid_compliance/table.rs
+//! cargo run --release -p palpate_laws --example grid_compliance hexahedra > crates/palpate_laws/src/grid_compliance/hexahedra.rs
 //! ```
 //!
 //! # Method
@@ -27,6 +29,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 
 use glam::{DMat3, DVec3};
+use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape, LameParameters};
 
 /// Largest offset in the table, cells.
 const REACH: usize = 8;
@@ -36,6 +39,27 @@ const POINTS: [(usize, usize); 2] = [(56, 40), (72, 52)];
 const TOLERANCE: f64 = 1e-11;
 /// Bound on the iterations of the decimation. Each one doubles the thickness of the slab.
 const MAX_DOUBLINGS: usize = 60;
+
+/// Poisson's ratios of the table of hexahedra.
+const RATIOS: [f64; 10] = [0.0, 0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.475, 0.49];
+
+/// What the cells consist of.
+enum Cells {
+    Springs,
+    /// Stiffness of an element over `E h`.
+    Hexahedra(Box<HexahedronBlocks>),
+}
+
+impl Cells {
+    fn hexahedra(poissons_ratio: f64) -> Result<Self, Box<dyn Error>> {
+        let corners =
+            std::array::from_fn(|c| DVec3::from_array([0, 1, 2].map(|axis| (c >> axis & 1) as f64)));
+        let parameters_j = LameParameters::new(1.0, poissons_ratio)?;
+        let material = ElementMaterial { parameters_j, ..ElementMaterial::default() };
+        let shape = HexahedronShape::new(&corners).ok_or("a cube is flat")?;
+        Ok(Self::Hexahedra(Box::new(shape.stiffness_n_per_m(&corners, &material, false))))
+    }
+}
 
 /// Stiffness of a spring inside of the lattice over `E h`, by the number of axes along which it extends.
 fn stiffness(axes: i32) -> f64 {
@@ -56,8 +80,38 @@ struct Slab {
 }
 
 impl Slab {
-    /// One layer of cells. In-plane springs of its faces have half their stiffness: the next layer has the other half.
-    fn layer(kx: f64, ky: f64) -> Self {
+    /// One layer of cells.
+    fn layer(cells: &Cells, kx: f64, ky: f64) -> Self {
+        match cells {
+            Cells::Springs => Self::of_springs(kx, ky),
+            Cells::Hexahedra(blocks) => Self::of_hexahedra(blocks, kx, ky),
+        }
+    }
+
+    /// One layer of elements, whose corners 4 to 7 are on top.
+    fn of_hexahedra(blocks: &HexahedronBlocks, kx: f64, ky: f64) -> Self {
+        let sum = |rows: [usize; 4], columns: [usize; 4]| {
+            let mut sum = DMat3::ZERO;
+            for (row, column) in rows.into_iter().flat_map(|row| columns.map(|column| (row, column))) {
+                let offset = |axis: usize| (column >> axis & 1) as f64 - (row >> axis & 1) as f64;
+                let (sin, cos) = (kx * offset(0) + ky * offset(1)).sin_cos();
+                let block = blocks[row][column];
+                let (even, odd) = (block * cos, block * sin);
+                // As for springs: a factor i on the normal displacement.
+                sum += DMat3::from_cols(
+                    DVec3::new(even.x_axis.x, even.x_axis.y, odd.x_axis.z),
+                    DVec3::new(even.y_axis.x, even.y_axis.y, odd.y_axis.z),
+                    DVec3::new(-odd.z_axis.x, -odd.z_axis.y, even.z_axis.z),
+                );
+            }
+            sum
+        };
+        let (bottom, top) = ([0, 1, 2, 3], [4, 5, 6, 7]);
+        Self { top: sum(top, top), bottom: sum(bottom, bottom), coupling: -sum(top, bottom) }
+    }
+
+    /// One layer of springs. In-plane springs of its faces have half their stiffness: the next layer has the other half.
+    fn of_springs(kx: f64, ky: f64) -> Self {
         let (mut face, mut coupling) = (DMat3::ZERO, DMat3::ZERO);
         for x in -1_i32..=1 {
             for y in -1_i32..=1 {
@@ -100,8 +154,8 @@ fn outer(a: DVec3) -> DMat3 {
 }
 
 /// Compliance of the surface of the half-space at one wave vector, real with a factor `i` on the normal displacement.
-fn surface_compliance(kx: f64, ky: f64) -> DMat3 {
-    let mut slab = Slab::layer(kx, ky);
+fn surface_compliance(cells: &Cells, kx: f64, ky: f64) -> DMat3 {
+    let mut slab = Slab::layer(cells, kx, ky);
     for _ in 0..MAX_DOUBLINGS {
         if slab.coupling.to_cols_array().iter().all(|entry| entry.abs() < 1e-18) {
             break;
@@ -134,7 +188,7 @@ fn gauss_legendre(count: usize) -> Vec<(f64, f64)> {
 }
 
 /// The entries `xx, xy, xz, yy, yz, zz` for every offset `0 <= j <= i <= REACH`, in the order of the table.
-fn table(points: (usize, usize)) -> Vec<[f64; 6]> {
+fn table(cells: &Cells, points: (usize, usize)) -> Vec<[f64; 6]> {
     let offsets: Vec<(f64, f64)> =
         (0..=REACH).flat_map(|i| (0..=i).map(move |j| (i as f64, j as f64))).collect();
     let mut sums = vec![[0.0; 6]; offsets.len()];
@@ -144,7 +198,7 @@ fn table(points: (usize, usize)) -> Vec<[f64; 6]> {
             let (kx, ky) = (s, s * t);
             // Twice: k and -k give the same.
             let weight = 2.0 * (PI * s_weight) * t_weight * s / (4.0 * PI * PI);
-            let c = surface_compliance(kx, ky) * weight;
+            let c = surface_compliance(cells, kx, ky) * weight;
             let (xx, xy, xz) = (c.x_axis.x, c.y_axis.x, c.z_axis.x);
             let (yy, yz, zz) = (c.y_axis.y, c.z_axis.y, c.z_axis.z);
             // Images of the triangle under the symmetry of the square.
@@ -218,9 +272,9 @@ fn knots(samples: &[Sample], far: f64) -> Vec<[f64; 3]> {
     knots
 }
 
-/// The generated file.
-pub fn file() -> Result<String, Box<dyn Error>> {
-    let [coarse, mut fine] = POINTS.map(table);
+/// The table with ten decimals, if two resolutions of the quadrature agree.
+fn checked_table(cells: &Cells) -> Result<Vec<[f64; 6]>, Box<dyn Error>> {
+    let [coarse, mut fine] = POINTS.map(|points| table(cells, points));
     let pairs = coarse.iter().flatten().zip(fine.iter().flatten());
     let error = pairs.fold(0.0, |most: f64, (a, b)| most.max((a - b).abs()));
     if error > TOLERANCE {
@@ -233,6 +287,49 @@ pub fn file() -> Result<String, Box<dyn Error>> {
     for entry in fine.iter_mut().flatten() {
         *entry = (*entry * 1e10).round() / 1e10;
     }
+    Ok(fine)
+}
+
+/// The compliances of a table along the normal or across it, by distance.
+fn samples(fine: &[[f64; 6]], value: fn(&[f64; 6]) -> f64) -> Vec<Sample> {
+    let offsets = (0..=REACH).flat_map(|i| (0..=i).map(move |j| (i, j)));
+    let sample = |((i, j), row): ((usize, usize), &[f64; 6])| {
+        let images = if j == 0 || i == j { 4.0 } else { 8.0 };
+        Sample { distance: ((i * i + j * j) as f64).sqrt(), compliance: value(row), images }
+    };
+    offsets.zip(fine).map(sample).collect()
+}
+
+/// The generated file of hexahedra.
+pub fn file_of_hexahedra() -> Result<String, Box<dyn Error>> {
+    let mut text = String::new();
+    writeln!(text, "//! Generated by `examples/grid_compliance.rs`; do not edit.\n")?;
+    writeln!(text, "/// Largest offset in the table, cells.")?;
+    writeln!(text, "pub(super) const REACH: u32 = {REACH};\n")?;
+    writeln!(
+        text,
+        "/// Poisson's ratio, and the entries `zz` of the compliance for the offsets (0, 0), (1, 0), (1, 1), (2, 0),"
+    )?;
+    writeln!(text, "/// (2, 1), (2, 2), (3, 0) and so on.")?;
+    writeln!(text, "#[rustfmt::skip]")?;
+    let entries = (REACH + 1) * (REACH + 2) / 2;
+    writeln!(text, "pub(super) const NORMAL: [(f64, [f64; {entries}]); {}] = [", RATIOS.len())?;
+    for ratio in RATIOS {
+        let fine = checked_table(&Cells::hexahedra(ratio)?)?;
+        writeln!(text, "    ({ratio:?}, [")?;
+        let normal: Vec<f64> = fine.iter().map(|[_, _, _, _, _, zz]| *zz).collect();
+        for row in normal.chunks(REACH + 1) {
+            writeln!(text, "        {},", numbers(row))?;
+        }
+        writeln!(text, "    ]),")?;
+    }
+    writeln!(text, "];")?;
+    Ok(text)
+}
+
+/// The generated file of springs.
+pub fn file() -> Result<String, Box<dyn Error>> {
+    let fine = checked_table(&Cells::Springs)?;
     let mut text = String::new();
     writeln!(text, "//! Generated by `examples/grid_compliance.rs`; do not edit.\n")?;
     writeln!(text, "use std::f64::consts::SQRT_2;\n")?;
@@ -249,16 +346,8 @@ pub fn file() -> Result<String, Box<dyn Error>> {
         writeln!(text, "    [{}],", numbers(row))?;
     }
     writeln!(text, "];")?;
-    let samples = |value: fn(&[f64; 6]) -> f64| -> Vec<Sample> {
-        let offsets = (0..=REACH).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        let sample = |((i, j), row): ((usize, usize), &[f64; 6])| {
-            let images = if j == 0 || i == j { 4.0 } else { 8.0 };
-            Sample { distance: ((i * i + j * j) as f64).sqrt(), compliance: value(row), images }
-        };
-        offsets.zip(&fine).map(sample).collect()
-    };
-    let normal = knots(&samples(|[_, _, _, _, _, zz]| *zz), NORMAL_FAR);
-    let tangential = knots(&samples(|[xx, _, _, yy, _, _]| 0.5 * (xx + yy)), TANGENTIAL_FAR);
+    let normal = knots(&samples(&fine, |[_, _, _, _, _, zz]| *zz), NORMAL_FAR);
+    let tangential = knots(&samples(&fine, |[xx, _, _, yy, _, _]| 0.5 * (xx + yy)), TANGENTIAL_FAR);
     for (name, what, knots) in [("NORMAL", "normal", normal), ("TANGENTIAL", "tangential", tangential)] {
         writeln!(
             text,
@@ -285,6 +374,8 @@ fn numbers(values: &[f64]) -> String {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    std::io::stdout().write_all(file()?.as_bytes())?;
+    let text =
+        if std::env::args().nth(1).as_deref() == Some("hexahedra") { file_of_hexahedra()? } else { file()? };
+    std::io::stdout().write_all(text.as_bytes())?;
     Ok(())
 }

@@ -188,7 +188,12 @@ mod tests {
                 (0.02, 0.02, 1e-9, -0.2),
                 (0.02, 0.0, 1e-3, 0.1),
             ] {
-                let law = Indentation { pressure: Pressure::Ball, radius_m, modulus_pa: 21e3 };
+                let law = Indentation {
+                    pressure: Pressure::Ball,
+                    radius_m,
+                    modulus_pa: 21e3,
+                    poissons_ratio: 0.25,
+                };
                 let series = SeriesCompliance::of_share(share, law).of_portion(0.7);
                 let coulomb = Coulomb::new(DVec3::Z, friction).unwrap();
                 let law = ConstraintLaw::Unilateral { coulomb, series: Some((series, 0.0)) };
@@ -223,7 +228,8 @@ mod tests {
 
     #[test]
     fn fixed_surface_with_series_compliance_pushes_by_the_compliance_alone() {
-        let law = Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3 };
+        let law =
+            Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3, poissons_ratio: 0.25 };
         let series = SeriesCompliance::of_share(1.0, law);
         let coulomb = Coulomb::new(-DVec3::Z, 0.0).unwrap();
         let law = ConstraintLaw::Unilateral { coulomb, series: Some((series, 0.0)) };

@@ -27,6 +27,7 @@ use std::f64::consts::PI;
 
 use glam::{DMat3, DVec3};
 
+mod hexahedra;
 mod table;
 
 /// Compliance of the surface node at offset (`i`, `j`) from the node that carries the force.
@@ -78,6 +79,44 @@ pub fn normal_compliance_at(distance_cells: f64) -> f64 {
 #[must_use]
 pub fn tangential_compliance_at(distance_cells: f64) -> f64 {
     interpolate(&table::TANGENTIAL, TANGENTIAL_FAR, distance_cells.abs())
+}
+
+/// Normal compliance between two nodes of the surface of cubic hexahedral elements ([`crate::HexahedronShape`]) with Poisson's ratio
+/// `poissons_ratio`, at an offset of `i` and `j` cells along their sides.
+///
+/// It is that of the elements up to eight cells in both directions, with a cubic interpolation between the ten ratios of the table, and the
+/// continuum's beyond. Elements with one integration point yield more than the continuum to loads that alternate from node to node, so the
+/// entries fall unevenly with the distance: the load on a single node moves it by up to twice as much as springs do.
+///
+/// ```
+/// use palpate_laws::hexahedra_compliance;
+///
+/// // The mean over a face and its four corners is close to that of a lattice of springs.
+/// let of_face = |c: fn(i32, i32) -> f64| 0.25 * (c(0, 0) + 2.0 * c(1, 0) + c(1, 1));
+/// let hexahedra = of_face(|i, j| hexahedra_compliance(0.25, i, j));
+/// let springs = of_face(|i, j| palpate_laws::lattice_compliance(i, j).z_axis.z);
+/// assert!((hexahedra / springs - 1.0).abs() < 0.25);
+/// ```
+#[must_use]
+pub fn hexahedra_compliance(poissons_ratio: f64, i: i32, j: i32) -> f64 {
+    let (along_x, along_y) = (i.unsigned_abs(), j.unsigned_abs());
+    let (far, near) = (along_x.max(along_y), along_x.min(along_y));
+    if far > hexahedra::REACH {
+        let distance = f64::from(i).hypot(f64::from(j));
+        return (1.0 - poissons_ratio * poissons_ratio) / (PI * distance);
+    }
+    let at = (far * (far + 1) / 2 + near) as usize;
+    let table = &hexahedra::NORMAL;
+    // The four ratios around the given one.
+    let above = table.iter().position(|(ratio, _)| *ratio > poissons_ratio).unwrap_or(table.len());
+    let first = above.saturating_sub(2).min(table.len() - 4);
+    let around = table.get(first..first + 4).unwrap_or_default();
+    let term = |(k, (ratio, values)): (usize, &(f64, [f64; 45]))| {
+        let others = around.iter().enumerate().filter(|(other, _)| *other != k);
+        let weight: f64 = others.map(|(_, (other, _))| (poissons_ratio - other) / (ratio - other)).product();
+        weight * values.get(at).copied().unwrap_or_default()
+    };
+    around.iter().enumerate().map(term).sum()
 }
 
 /// Normal compliance of the continuum at a distance of one cell: `(1 - nu²) / pi`.

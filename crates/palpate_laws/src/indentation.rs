@@ -12,6 +12,8 @@ pub struct Indentation {
     pub radius_m: f64,
     /// E* = E/(1 − ν²), Pa.
     pub modulus_pa: f64,
+    /// Poisson's ratio ν of the half-space.
+    pub poissons_ratio: f64,
 }
 
 /// Distribution of the pressure over the contact radius.
@@ -114,7 +116,8 @@ impl Indentation {
 mod tests {
     use super::*;
 
-    const BALL: Indentation = Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3 };
+    const BALL: Indentation =
+        Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3, poissons_ratio: 0.25 };
     const PUNCH: Indentation = Indentation { pressure: Pressure::Punch, ..BALL };
 
     #[test]

@@ -69,7 +69,7 @@
 //!   with respect to position, which is proportional to the velocity and not symmetric. The rest is exact, including the
 //!   geometric stiffness.
 //! * The laws of indentation are frictionless and hold for a half-space. Hertz's law is used up to a contact as wide as the
-//!   ball. Across the normal a contact deflects as in stick, for Poisson's ratio 1/4.
+//!   ball. Across the normal a contact deflects as in stick.
 //! * A [`Patch`] has its pressure at 48 points ([`PRESSURE_POINTS`]), which integrate moments up to the fourth exactly on a
 //!   plane.
 //! * The compliance that a lattice lacks is computed for a plane surface of one tissue. It includes the softening of
@@ -116,7 +116,9 @@ pub use elastic_law::{ElasticLaw, LameParameters, StressTangent};
 pub use error::LawError;
 pub use force_law::ForceLaw;
 pub use gauss_seidel::{ImpulseResponse, SolverLimits, SolverReport, solve_projected_gauss_seidel};
-pub use grid_compliance::{lattice_compliance, normal_compliance_at, tangential_compliance_at};
+pub use grid_compliance::{
+    hexahedra_compliance, lattice_compliance, normal_compliance_at, tangential_compliance_at,
+};
 pub use hexahedron::{ElementMaterial, HexahedronBlocks, HexahedronShape};
 pub use indentation::{Indentation, Pressure};
 pub use patch::{Patch, PatchScale, PatchStart};

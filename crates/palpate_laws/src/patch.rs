@@ -84,6 +84,8 @@ pub struct PatchScale {
     pub spread_m: f64,
     /// Three orthogonal unit vectors that rotate with the body. Tangential directions derive from them.
     pub axes: [DVec3; 3],
+    /// Whether the cells soften under compression, as springs do.
+    pub softens: bool,
 }
 
 impl PatchScale {

@@ -52,6 +52,7 @@ fn contact(
         pressure,
         radius_m,
         modulus_pa: modulus_pa / (1.0 - poissons_ratio * poissons_ratio),
+        poissons_ratio,
     });
     let contact_m = match (law, pressure) {
         (Some(law), _) => law.radius_of_contact_m(force_n),
@@ -218,12 +219,13 @@ impl PatchLayout {
         ball_m - (ball_m * ball_m - off * off).sqrt()
     }
 
-    /// Compliance that a grid of cells of `cell_m` lacks under this patch. `grid_m_per_n` is the deflection of the
-    /// grid under the patch's pressure, per newton.
+    /// Compliance that a grid of cells lacks under this patch. `grid_m_per_n` is the deflection of the grid under the
+    /// patch's pressure, per newton.
     #[must_use]
-    pub fn missing_compliance(&self, grid_m_per_n: f64, cell_m: f64) -> Option<SeriesCompliance> {
+    pub fn missing_compliance(&self, grid_m_per_n: f64, scale: &PatchScale) -> Option<SeriesCompliance> {
         let forces = (self.force_n, self.patch.averaged_n);
-        self.law.map(|law| SeriesCompliance::missing(law, (grid_m_per_n, cell_m), forces))
+        let softening_m = scale.softens.then_some(scale.cell_m);
+        self.law.map(|law| SeriesCompliance::missing(law, (grid_m_per_n, softening_m), forces))
     }
 
     /// Compliance of rows on a body without added compliance: a twentieth of the smooth law. It distributes the load

@@ -45,13 +45,13 @@ impl SeriesCompliance {
         Self { portion, ..self }
     }
 
-    /// Compliance that a grid of cells of `cell_m` lacks: δ_s = δ − C_g F, minus the softening of springs.
-    /// `grid_m_per_n` is the linear compliance C_g of the grid, m/N. `force_n` is the force, N, and `averaged_n` its
+    /// Compliance that a grid of cells lacks: δ_s = δ − C_g F, minus the softening of springs with cells of
+    /// `softening_m`. `grid_m_per_n` is the linear compliance C_g of the grid, m/N. `force_n` is the force, N, and `averaged_n` its
     /// average over some milliseconds.
     #[must_use]
     pub fn missing(
         law: Indentation,
-        (grid_m_per_n, cell_m): (f64, f64),
+        (grid_m_per_n, softening_m): (f64, Option<f64>),
         (force_n, averaged_n): (f64, f64),
     ) -> Self {
         let ratio = |part: f64, of: f64| if of > 0.0 { part / of } else { 0.0 };
@@ -62,7 +62,8 @@ impl SeriesCompliance {
             Pressure::Ball => (BALL_SOFTENING, grid_m),
             Pressure::Punch => (PUNCH_SOFTENING, grid_m.min(eased_m)),
         };
-        let softer_m = (s * grid_m * grid_m / cell_m.hypot(r * law.radius_m)).min(MAX_LEAD * eased_m);
+        let softening = |cell_m: f64| s * grid_m * grid_m / cell_m.hypot(r * law.radius_m);
+        let softer_m = softening_m.map_or(0.0, softening).min(MAX_LEAD * eased_m);
         // The softening reduces the compliance as far as possible; the rest shifts the tool.
         let share = (base - ratio(softer_m, eased_m)).max(MIN_SHARE);
         let lead_m = (softer_m - (base - share) * eased_m).max(0.0);
@@ -98,7 +99,7 @@ impl SeriesCompliance {
     /// together, N: δ_s(F) + C F.
     #[must_use]
     pub fn force_beside_n(&self, approach_m: f64, other_m_per_n: f64) -> f64 {
-        let Indentation { pressure, radius_m, modulus_pa } = self.law;
+        let Indentation { pressure, radius_m, modulus_pa, .. } = self.law;
         let (share, other) = (self.share, other_m_per_n * self.portion);
         let (full_n, full_m) = match pressure {
             Pressure::Punch => (0.0, 0.0),
@@ -132,14 +133,13 @@ impl SeriesCompliance {
     }
 
     /// Missing compliance across the normal, m/N: the same share of 1/(8 G a/(2 − ν)), the compliance of a contact of
-    /// radius a in stick under a small force (R. D. Mindlin, J. Appl. Mech. 16 (1949) 259), for ν = 1/4. Infinite
-    /// without a contact.
+    /// radius a in stick under a small force (R. D. Mindlin, J. Appl. Mech. 16 (1949) 259). Infinite without a contact.
     #[must_use]
     pub fn tangential_m_per_n(&self, force_n: f64) -> f64 {
         // 8 G/(2 − ν) = 4 E* (1 − ν)/(2 − ν).
-        let stiffness =
-            4.0 * TANGENTIAL * self.law.modulus_pa * self.law.radius_of_contact_m(force_n / self.portion);
-        self.share / (stiffness * self.portion)
+        let Indentation { modulus_pa, poissons_ratio: nu, .. } = self.law;
+        let across_pa = 4.0 * ((1.0 - nu) / (2.0 - nu)) * modulus_pa;
+        self.share / (across_pa * self.law.radius_of_contact_m(force_n / self.portion) * self.portion)
     }
 
     /// [`Self::tangential_m_per_n`], but 0 without a contact: a new contact bears no tangential force yet.
@@ -169,14 +169,13 @@ pub(crate) const MIN_SHARE: f64 = 0.05;
 const SOFT_SHARE: f64 = 0.2;
 /// Maximum share of the smooth law by which the contact may lead the tool.
 const MAX_LEAD: f64 = 0.5;
-/// (1 − ν)/(2 − ν) for ν = 1/4.
-const TANGENTIAL: f64 = 3.0 / 7.0;
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    const BALL: Indentation = Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3 };
+    const BALL: Indentation =
+        Indentation { pressure: Pressure::Ball, radius_m: 0.005, modulus_pa: 21e3, poissons_ratio: 0.25 };
     const PUNCH: Indentation = Indentation { pressure: Pressure::Punch, ..BALL };
 
     #[test]
@@ -199,19 +198,22 @@ mod tests {
     fn grid_compliance_and_softening_are_subtracted() {
         let law = BALL;
         let f = 0.3;
-        let missing = SeriesCompliance::missing(law, (0.25 * law.approach_m(f) / f, 1e3), (f, f));
+        let missing = SeriesCompliance::missing(law, (0.25 * law.approach_m(f) / f, Some(1e3)), (f, f));
         assert!((missing.share - 0.75).abs() < 1e-6);
         assert!((missing.approach_m(f) - 0.75 * law.approach_m(f)).abs() < 1e-8);
         // What springs soften by comes from the compliance, and where that is not enough from the tool's place.
         let delta = law.approach_m(f);
-        let firm = SeriesCompliance::missing(law, (0.5 * delta / f, 0.01), (f, f));
+        let firm = SeriesCompliance::missing(law, (0.5 * delta / f, Some(0.01)), (f, f));
         let softer =
             BALL_SOFTENING.s * (0.5 * delta).powi(2) / 0.01_f64.hypot(BALL_SOFTENING.r * law.radius_m);
         assert!((firm.approach_m(f) - (0.5 * delta - softer)).abs() < 1e-12 && firm.lead_m == 0.0);
-        let soft = SeriesCompliance::missing(law, (1.0, 0.01), (f, f));
+        let soft = SeriesCompliance::missing(law, (1.0, Some(0.01)), (f, f));
         assert!((soft.share, soft.lead_m) == (MIN_SHARE, MIN_SHARE * delta + MAX_LEAD * delta));
+        // Elements do not soften.
+        let stiff = SeriesCompliance::missing(law, (0.5 * delta / f, None), (f, f));
+        assert!((stiff.approach_m(f) - 0.5 * delta).abs() < 1e-12 && stiff.lead_m == 0.0);
         // Its energy is the work along its way.
-        let grid = (0.4 * delta / f, 0.01);
+        let grid = (0.4 * delta / f, Some(0.01));
         let steps = 20_000_u32;
         let at = |i: usize| f * i as f64 / f64::from(steps);
         let approach = |n: f64| SeriesCompliance::missing(law, grid, (n, n)).approach_m(n);
@@ -221,14 +223,14 @@ mod tests {
         let held = SeriesCompliance::missing(law, grid, (f, f)).energy_j(f);
         assert!((held / work - 1.0).abs() < 1e-6, "{held} J, {work} J");
         // A force that has begun just now has not softened anything yet.
-        let begun = SeriesCompliance::missing(law, (0.5 * delta / f, 0.01), (f, 0.0));
+        let begun = SeriesCompliance::missing(law, (0.5 * delta / f, Some(0.01)), (f, 0.0));
         assert!((begun.approach_m(f) - 0.5 * delta).abs() < 1e-12 && begun.lead_m == 0.0);
-        assert_eq!(SeriesCompliance::missing(law, (1.0, 0.01), (0.0, 0.0)).share, 1.0);
+        assert_eq!(SeriesCompliance::missing(law, (1.0, Some(0.01)), (0.0, 0.0)).share, 1.0);
         // A grid that resolves a ball's contact leaves the sagitta of the ball under the pressure, a fifth of the approach.
-        let resolved = SeriesCompliance::missing(law, (law.resolved_m_per_n(f), 1e3), (f, f));
+        let resolved = SeriesCompliance::missing(law, (law.resolved_m_per_n(f), Some(1e3)), (f, f));
         assert!((resolved.share - 0.2).abs() < 1e-6);
         // One that resolves a punch's leaves nothing.
-        let punch = SeriesCompliance::missing(PUNCH, (PUNCH.resolved_m_per_n(f), 1e3), (f, f));
+        let punch = SeriesCompliance::missing(PUNCH, (PUNCH.resolved_m_per_n(f), Some(1e3)), (f, f));
         assert!(punch.share == MIN_SHARE && punch.lead_m > MIN_SHARE * PUNCH.approach_m(f));
     }
 }

@@ -3,7 +3,9 @@
 use std::f64::consts::PI;
 
 use glam::{DMat3, DVec3};
-use palpate_laws::{lattice_compliance, normal_compliance_at, tangential_compliance_at};
+use palpate_laws::{
+    hexahedra_compliance, lattice_compliance, normal_compliance_at, tangential_compliance_at,
+};
 use proptest::prelude::*;
 
 #[path = "../examples/grid_compliance.rs"]
@@ -14,6 +16,29 @@ mod generator;
 fn table_is_what_the_generator_prints() {
     let printed = generator::file().expect("two resolutions of the quadrature agree");
     assert_eq!(printed, include_str!("../src/grid_compliance/table.rs"));
+}
+
+#[test]
+fn table_of_hexahedra_is_what_the_generator_prints() {
+    let printed = generator::file_of_hexahedra().expect("two resolutions of the quadrature agree");
+    assert_eq!(printed, include_str!("../src/grid_compliance/hexahedra.rs"));
+}
+
+#[test]
+fn hexahedra_yield_like_the_continuum_far_from_the_load() {
+    for nu in [0.0, 0.1, 0.23, 0.25, 0.33, 0.42, 0.45, 0.48, 0.49] {
+        let far = |distance: f64| (1.0 - nu * nu) / (PI * distance);
+        for (i, j) in [(8, 0), (0, -8), (7, 4), (-6, 6), (8, 8)] {
+            let ratio = hexahedra_compliance(nu, i, j) / far(f64::from(i).hypot(f64::from(j)));
+            assert!((ratio - 1.0).abs() < 0.03, "{nu} {i} {j}: {ratio}");
+            assert_eq!(hexahedra_compliance(nu, i, j), hexahedra_compliance(nu, -j, i));
+        }
+        // Beyond the table.
+        assert!((hexahedra_compliance(nu, 12, 5) / far(13.0) - 1.0).abs() < 1e-12);
+        // Between the ratios of the table the compliance changes smoothly.
+        let [before, here, after] = [nu - 0.004, nu, nu + 0.004].map(|nu| hexahedra_compliance(nu, 0, 0));
+        assert!((here - 0.5 * (before + after)).abs() < 2e-4, "{nu}: {before} {here} {after}");
+    }
 }
 
 /// A block of cells with a free top; sides and bottom are held `reach` cells away from the middle of the top.

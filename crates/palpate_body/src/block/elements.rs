@@ -58,8 +58,7 @@ impl Block {
             network.hexahedron(nodes, tissue, 1.0);
         }
         let network = if self.allow_free { network.allow_unconstrained() } else { network }.build()?;
-        let grid =
-            Grid::new(cell.element_product().cbrt(), moduli_pa).with_poissons_ratio(tissue.poissons_ratio);
+        let grid = Grid::new(cell.element_product().cbrt(), moduli_pa).of_elements(tissue.poissons_ratio);
         Ok(BlockBody { network: network.with_grid(grid), surface })
     }
 }

@@ -9,7 +9,7 @@ use glam::DVec3;
 use palpate_laws::{
     ActivePatch, ActivePatches, LoadedPoint, MAX_LOADED_POINTS, MAX_PATCHES, PATCH_ROWS, Patch, PatchLayout,
     PatchScale, PatchStart, PatchSurface, RowLayout, Seed, SeriesCompliance, SurfacePlace, ToolShape,
-    mobility, normal_compliance_at,
+    hexahedra_compliance, mobility, normal_compliance_at,
 };
 
 /// A tool that moves further than this in a millisecond, m, counts as having jumped and touches nothing on the way.
@@ -177,6 +177,7 @@ impl Body {
             cell_m,
             spread_m: if self.adds_compliance() { PatchScale::SPREAD_CELLS * cell_m } else { 0.0 },
             axes: grid.map_or(DVec3::AXES, crate::Grid::axes),
+            softens: grid.is_none_or(|grid| grid.elements_ratio().is_none()),
         }
     }
 
@@ -207,9 +208,24 @@ impl Body {
         if self.network.is_fixed(i) || self.network.is_fixed(j) {
             return Some(0.0);
         }
-        let distance = self.network.rest_m()[i].distance(self.network.rest_m()[j]);
-        let excess = self.partial_cells.as_ref().map_or(0.0, |cells| cells.between(i, j));
-        Some((normal_compliance_at(distance / cell_m) + excess) / cell_m)
+        let grid = self.network.grid()?;
+        let offset = (self.network.rest_m()[j] - self.network.rest_m()[i]) / cell_m;
+        let near = self.partial_cells.as_ref().map(|cells| cells.between(i, j));
+        let cells = match (grid.elements_ratio(), near) {
+            (None, near) => normal_compliance_at(offset.length()) + near.flatten().unwrap_or(0.0),
+            (Some(_), Some(Some(near))) => near,
+            (Some(ratio), _) => {
+                let [x, y, z] = grid.axes().map(|axis| axis.dot(offset).round() as i32);
+                // In the plane of a face one of the three is zero.
+                let [_, j, i] = {
+                    let mut sorted = [x, y, z].map(i32::abs);
+                    sorted.sort_unstable();
+                    sorted
+                };
+                hexahedra_compliance(ratio, i, j)
+            }
+        };
+        Some(cells / cell_m)
     }
 
     /// Rows of a patch. `rest_normal` is that of the triangle on which it started; `row_n` and `row_f` are the normal
@@ -281,7 +297,6 @@ impl Body {
                 nodes[..i].iter().map(|&(b, o)| Some(o * self.grid_compliance_per_m(a, b)?)).sum();
             sum += w * (w * self.grid_compliance_per_m(a, a)? + 2.0 * other?);
         }
-        let cell_m = self.patch_scale().cell_m;
-        layout.missing_compliance(sum / modulus_pa, cell_m)
+        layout.missing_compliance(sum / modulus_pa, &self.patch_scale())
     }
 }

@@ -10,7 +10,8 @@ pub struct Grid {
     pub(crate) axes: [DVec3; 3],
     pub(crate) adds_compliance: bool,
     pub(crate) has_partial_cells: bool,
-    poissons_ratio: f64,
+    /// Poisson's ratio of elements; `None` for springs.
+    elements_ratio: Option<f64>,
 }
 
 /// Poisson's ratio of an isotropic network of springs.
@@ -25,13 +26,18 @@ impl Grid {
             axes: DVec3::AXES,
             adds_compliance: true,
             has_partial_cells: false,
-            poissons_ratio: POISSONS_RATIO,
+            elements_ratio: None,
         }
     }
 
-    /// Sets Poisson's ratio, that of springs before.
-    pub(crate) fn with_poissons_ratio(self, poissons_ratio: f64) -> Self {
-        Self { poissons_ratio, ..self }
+    /// Marks the cells as hexahedral elements with Poisson's ratio `poissons_ratio`.
+    pub(crate) fn of_elements(self, poissons_ratio: f64) -> Self {
+        Self { elements_ratio: Some(poissons_ratio), ..self }
+    }
+
+    /// Poisson's ratio of elements; `None` for springs.
+    pub(crate) fn elements_ratio(&self) -> Option<f64> {
+        self.elements_ratio
     }
 
     /// Marks some cells as partly filled.
@@ -68,7 +74,7 @@ impl Grid {
     /// Poisson's ratio of the tissue: 1/4 for an isotropic network of springs.
     #[must_use]
     pub fn poissons_ratio(&self) -> f64 {
-        self.poissons_ratio
+        self.elements_ratio.unwrap_or(POISSONS_RATIO)
     }
 
     /// Unit vectors along the cell sides at rest.

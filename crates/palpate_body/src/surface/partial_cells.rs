@@ -3,7 +3,7 @@
 //! [`palpate_laws::normal_compliance_at`] tabulates the compliance of whole cells below a plane of nodes. Where a
 //! mesh cuts cells, springs are softer and the surface lies between nodes. The difference is local. It is computed
 //! with every node held in place by a weak spring, which removes the far field of partly filled and whole cells
-//! alike.
+//! alike. For hexahedra ([`hexahedra_compliance`]) it replaces the table, which is uneven from node to node.
 
 use super::ContactSurface;
 use crate::conjugate_gradients::ConjugateGradients;
@@ -11,6 +11,7 @@ use crate::parallel;
 use crate::weights::add_weight;
 use crate::{Block, Link, Network, Tissue};
 use glam::{DMat3, DVec3};
+use palpate_laws::hexahedra_compliance;
 use std::sync::OnceLock;
 
 /// Radius in cells beyond which nodes are held.
@@ -35,7 +36,10 @@ impl PartialCells {
         let normals = node_normals(network, surface);
         let moduli = grid.youngs_modulus_pa();
         let stiffness = stiffness(network, |a, b| 0.5 * (moduli[a] + moduli[b]) * grid.cell_m());
-        let of_whole = whole_cells();
+        let of_whole = match grid.elements_ratio() {
+            None => springs_in_whole_cells().to_vec(),
+            Some(ratio) => beyond_patches(ratio),
+        };
         let carrying: Vec<usize> =
             (0..network.node_count()).filter(|&node| normals[node] != DVec3::ZERO).collect();
         let patches = parallel::map_long(carrying.len(), |range| {
@@ -51,7 +55,7 @@ impl PartialCells {
         for (node, nodes, moved) in patches {
             for (&other, u) in nodes.iter().zip(moved).filter(|(other, _)| normals[**other] != DVec3::ZERO) {
                 let cells = network.rest_m()[node].distance(network.rest_m()[other]) / grid.cell_m();
-                let excess = u.dot(normals[other]) - at_distance(of_whole, cells);
+                let excess = u.dot(normals[other]) - at_distance(&of_whole, cells);
                 // The patches of two nodes differ at their rims: average the two values.
                 add_weight(&mut rows[node], other, 0.5 * excess);
                 add_weight(&mut rows[other], node, 0.5 * excess);
@@ -61,10 +65,10 @@ impl PartialCells {
         Some(Self { rows })
     }
 
-    /// Excess compliance between two nodes, in 1/(E h).
-    pub(crate) fn between(&self, i: usize, j: usize) -> f64 {
+    /// Excess compliance between two nodes of springs, or compliance of elements, in 1/(E h); `None` for nodes that are far apart.
+    pub(crate) fn between(&self, i: usize, j: usize) -> Option<f64> {
         let row = &self.rows[i];
-        row.binary_search_by_key(&j, |(node, _)| *node).map_or(0.0, |at| row[at].1)
+        row.binary_search_by_key(&j, |(node, _)| *node).ok().map(|at| row[at].1)
     }
 }
 
@@ -209,33 +213,53 @@ fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
 }
 
-/// The same compliance for whole cells below a plane of nodes, by distance in cells: means over the rings of nodes
-/// around one.
-fn whole_cells() -> &'static [(f64, f64)] {
+/// The same compliance for springs in whole cells below a plane of nodes.
+fn springs_in_whole_cells() -> &'static [(f64, f64)] {
     static TABLE: OnceLock<Vec<(f64, f64)>> = OnceLock::new();
     TABLE.get_or_init(|| {
         let tissue = Tissue { youngs_modulus_pa: 1.0, ..Tissue::default() };
-        let made = Block::new([9, 9, 5], DVec3::new(8.0, 8.0, 4.0))
-            .and_then(|block| block.fix(crate::Face::NegZ).tissue(&tissue));
-        let Ok(network) = made.map(|made| made.network) else { return Vec::new() };
-        let at = |at: DVec3| network.rest_m().iter().position(|x| x.distance(at) < 0.1);
-        let Some(middle) = at(DVec3::new(0.0, 0.0, 2.0)) else { return Vec::new() };
-        let patch = Patch::new(&mut Around::new(&network), middle, 1.0, &stiffness(&network, |_, _| 1.0));
-        let moved = patch.displacements(DVec3::Z);
-        let mut rings: Vec<(f64, f64, f64)> = Vec::new();
-        for (&node, u) in patch.nodes.iter().zip(moved) {
-            let off = network.rest_m()[node] - network.rest_m()[middle];
-            if off.z != 0.0 {
-                continue;
-            }
-            match rings.iter_mut().find(|(distance, ..)| (distance - off.length()).abs() < 1e-9) {
-                Some((_, sum, count)) => (*sum, *count) = (*sum + u.z, *count + 1.0),
-                None => rings.push((off.length(), u.z, 1.0)),
-            }
-        }
-        rings.sort_by(|a, b| a.0.total_cmp(&b.0));
-        rings.into_iter().map(|(distance, sum, count)| (distance, sum / count)).collect()
+        let made = whole_block().and_then(|block| block.tissue(&tissue));
+        made.map_or_else(|_| Vec::new(), |made| in_whole_cells(&made.network, |_| 0.0))
     })
+}
+
+/// The compliance of patches of hexahedra in whole cells minus that of the half-space, by distance. It changes little from node to node.
+fn beyond_patches(poissons_ratio: f64) -> Vec<(f64, f64)> {
+    let tissue = Tissue { youngs_modulus_pa: 1.0, poissons_ratio, ..Tissue::default() };
+    let made = whole_block().and_then(|block| block.elements(&tissue));
+    let of_half_space = |offset: DVec3| {
+        hexahedra_compliance(poissons_ratio, offset.x.round() as i32, offset.y.round() as i32)
+    };
+    made.map_or_else(|_| Vec::new(), |made| in_whole_cells(&made.network, of_half_space))
+}
+
+/// A block of unit cells with its bottom fixed.
+fn whole_block() -> Result<Block, crate::BodyError> {
+    Ok(Block::new([9, 9, 5], DVec3::new(8.0, 8.0, 4.0))?.fix(crate::Face::NegZ))
+}
+
+/// Compliance of the patch around the middle of the top of a block, minus `without` of the offset of a node: means over the rings of nodes
+/// around the middle, by distance.
+fn in_whole_cells(network: &Network, without: impl Fn(DVec3) -> f64) -> Vec<(f64, f64)> {
+    let rest = network.rest_m();
+    let top = DVec3::new(0.0, 0.0, 2.0);
+    let Some(middle) = rest.iter().position(|x| x.distance(top) < 0.1) else { return Vec::new() };
+    let patch = Patch::new(&mut Around::new(network), middle, 1.0, &stiffness(network, |_, _| 1.0));
+    let moved = patch.displacements(DVec3::Z);
+    let mut rings: Vec<(f64, f64, f64)> = Vec::new();
+    for (&node, u) in patch.nodes.iter().zip(moved) {
+        let off = rest[node] - rest[middle];
+        if off.z != 0.0 {
+            continue;
+        }
+        let u = u.z - without(off);
+        match rings.iter_mut().find(|(distance, ..)| (distance - off.length()).abs() < 1e-9) {
+            Some((_, sum, count)) => (*sum, *count) = (*sum + u, *count + 1.0),
+            None => rings.push((off.length(), u, 1.0)),
+        }
+    }
+    rings.sort_by(|a, b| a.0.total_cmp(&b.0));
+    rings.into_iter().map(|(distance, sum, count)| (distance, sum / count)).collect()
 }
 
 /// Interpolates a table linearly at a distance in cells.
@@ -272,21 +296,21 @@ mod tests {
                 let place = DVec3::new(0.01 * x, 0.01 * y, 0.02);
                 network.rest_m().iter().position(|x| x.distance(place) < 1e-6).unwrap()
             };
-            let own = cells.between(at(0.0, 0.0), at(0.0, 0.0));
-            let expected = (soft - 1.0) * whole_cells()[0].1;
+            let own = cells.between(at(0.0, 0.0), at(0.0, 0.0)).unwrap();
+            let expected = (soft - 1.0) * springs_in_whole_cells()[0].1;
             assert!((own - expected).abs() < 1e-6, "{own}, {expected}");
             // All nodes of a ring have their mean.
             let (along, across) =
                 (cells.between(at(0.0, 0.0), at(1.0, 0.0)), cells.between(at(0.0, 0.0), at(0.0, 1.0)));
-            assert!((along - across).abs() < 1e-9);
-            assert_eq!(cells.between(at(0.0, 0.0), at(4.0, 4.0)), 0.0);
+            assert!((along.unwrap() - across.unwrap()).abs() < 1e-9);
+            assert_eq!(cells.between(at(0.0, 0.0), at(4.0, 4.0)), None);
         }
     }
 
     #[test]
     fn holding_springs_remove_only_the_far_field() {
         // The remaining compliance changes little from node to node.
-        let rest = |cells: f64| normal_compliance_at(cells) - at_distance(whole_cells(), cells);
+        let rest = |cells: f64| normal_compliance_at(cells) - at_distance(springs_in_whole_cells(), cells);
         let (near, beside, far) = (rest(0.0), rest(1.0), rest(2.0));
         assert!(near > beside && beside > far && far > 0.0, "{near}, {beside}, {far}");
         assert!(near < 0.35 * normal_compliance_at(0.0), "{near}");

@@ -20,7 +20,7 @@ fn body_of(shape: &Shape, turn: DQuat, held_m: f64) -> (Body, ClosedMesh) {
 }
 
 /// Force of a ball that is pressed at `at_m` against the outward `normal`, at rest, N.
-fn press(body: &Body, radius_m: f64, (at_m, normal): (DVec3, DVec3), depth_m: f64) -> f64 {
+pub fn press(body: &Body, radius_m: f64, (at_m, normal): (DVec3, DVec3), depth_m: f64) -> f64 {
     let (mut body, mut force_n) = (body.clone(), 0.0);
     let mut tool = ToolContact::touch(ToolShape::Sphere { radius_m }, 0.0).unwrap();
     let at = |sunk: f64| ToolPoint::at_rest(at_m + normal * (radius_m + 3e-4 - (depth_m + 3e-4) * sunk));
@@ -44,7 +44,7 @@ fn press(body: &Body, radius_m: f64, (at_m, normal): (DVec3, DVec3), depth_m: f6
 }
 
 /// (max − min) / mean.
-fn ripple(forces: &[f64]) -> f64 {
+pub fn ripple(forces: &[f64]) -> f64 {
     let (low, high) = forces.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), f| (l.min(*f), h.max(*f)));
     (high - low) * forces.len() as f64 / forces.iter().sum::<f64>()
 }

@@ -212,7 +212,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         force_n: [(); PATCH_ROWS].map(|()| n.vector()),
     });
     *contact = NearContact {
-        scale: PatchScale { cell_m: n.next(), spread_m: n.next(), axes },
+        scale: PatchScale { cell_m: n.next(), spread_m: n.next(), axes, softens: n.is() },
         poissons_ratio: n.next(),
         adds_compliance: n.is(),
         patches,

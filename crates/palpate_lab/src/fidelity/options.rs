@@ -1,9 +1,7 @@
 //! Options of `palpate-lab fidelity`, their allowed ranges, and the scene that they describe.
 
 use super::comparison::{FROM, Run, Samples};
-use crate::block_scene::{
-    BlockMaterial, BlockScene, ContactKind, ElementOption, LawOption, builtin_offset_m, period_ticks,
-};
+use crate::block_scene::{BlockScene, ContactKind, ElementOptions, builtin_offset_m, period_ticks};
 use crate::error::{LabError, check, number, whole};
 use clap::Args;
 use glam::DVec3;
@@ -35,15 +33,8 @@ pub(crate) struct Fidelity {
     /// Damping of each damper over the root of stiffness times mass of a node
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.7)]
     pub(super) damping_ratio: f64,
-    /// What the block consists of; elements have the Young's modulus of the springs
-    #[arg(long, value_enum, default_value = "spring")]
-    pub(super) element: ElementOption,
-    /// Elastic law of elements
-    #[arg(long, value_enum, default_value = "neo-hookean")]
-    pub(super) law: LawOption,
-    /// Poisson's ratio of elements, 0 to 0.49
-    #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.45)]
-    pub(super) poisson: f64,
+    #[command(flatten)]
+    pub(super) elements: ElementOptions,
     /// Contact between the tool and the block
     #[arg(long, value_enum, default_value = "held")]
     pub(super) contact: ContactKind,
@@ -132,7 +123,7 @@ impl Fidelity {
         check("--edge-m", self.edge_m, self.edge_m > 0.0, "finite and above 0")?;
         check("--mass-kg", self.mass_kg, self.mass_kg > 0.0, "finite and above 0")?;
         check("--stiffness", self.stiffness, self.stiffness > 0.0, "finite and above 0")?;
-        check("--poisson", self.poisson, (0.0..=0.49).contains(&self.poisson), "0 to 0.49")?;
+        self.elements.validate()?;
         check("--damping-ratio", self.damping_ratio, self.damping_ratio >= 0.0, "finite and at least 0")?;
         let step = self.position_step_mm;
         check("--position-step-mm", step, (0.0..=10.0).contains(&step), "0 to 10")
@@ -150,12 +141,7 @@ impl Fidelity {
     pub(super) fn scene(&self) -> Result<(Body, ToolContact, DVec3), LabError> {
         let Self { edge_m, mass_kg, damping_ratio, contact, .. } = *self;
         let (nodes, stiffness_n_per_m) = (self.nodes.0, self.stiffness);
-        let material = match self.element {
-            ElementOption::Spring => BlockMaterial::Springs,
-            ElementOption::Hex => {
-                BlockMaterial::Hexahedra { law: self.law.into(), poissons_ratio: self.poisson }
-            }
-        };
+        let material = self.elements.material();
         let block =
             BlockScene { nodes, edge_m, mass_kg, stiffness_n_per_m, damping_ratio, material, contact };
         block.build()

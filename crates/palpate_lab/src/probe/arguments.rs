@@ -1,6 +1,7 @@
 //! Arguments of `palpate-lab probe` and their allowed ranges.
 
 use super::options::{self, BuiltinBody, CouplingKind, IntegratorKind, Lump, Nodes, Place, Scan, Tool};
+use crate::block_scene::ElementOptions;
 use crate::error::{LabError, check, number, whole};
 use clap::Args;
 use palpate_body::CellLattice;
@@ -43,9 +44,11 @@ pub(crate) struct Probe {
     /// Density, kg/m3
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 1000.0, help_heading = "Body")]
     pub(super) density: f64,
-    /// Damping ratio of each spring
+    /// Damping ratio of each spring, or of the elements
     #[arg(value_parser = number, allow_hyphen_values = true, long, default_value_t = 0.5, help_heading = "Body")]
     pub(super) damping: f64,
+    #[command(flatten)]
+    pub(super) elements: ElementOptions,
     /// Sphere of other tissue: centre (y from the top, negative inside), radius, Young's modulus
     #[arg(value_parser = options::lump, allow_hyphen_values = true, long, value_name = "X_MM,Y_MM,Z_MM:RADIUS_MM:YOUNGS_PA", help_heading = "Body")]
     pub(super) lump: Option<Lump>,
@@ -112,6 +115,7 @@ impl Probe {
         check("--scale", self.scale, (1e-9..=1e9).contains(&self.scale), "1e-9 to 1e9")?;
         check("--youngs-pa", self.youngs_pa, (1.0..=1e9).contains(&self.youngs_pa), "1 to 1e9")?;
         check("--density", self.density, (1.0..=1e5).contains(&self.density), "1 to 100000")?;
+        self.elements.validate()?;
         check("--damping", self.damping, (0.0..=100.0).contains(&self.damping), "0 to 100")?;
         self.lump.map_or(Ok(()), Lump::validate)?;
         let radius = self.tool.radius_m();

@@ -72,7 +72,11 @@ impl Report {
         Self {
             ripple: ripple(scan.iter().map(|press| press.body_force_n[1])),
             loop_ripple: ripple(scan.iter().map(|press| press.loop_force_n[1])),
-            hertz_n: hertz::force_n(probe.tool, probe.youngs_pa, 1e-3 * probe.depth_mm),
+            hertz_n: hertz::force_n(
+                probe.tool,
+                (probe.youngs_pa, probe.elements.poissons_ratio()),
+                1e-3 * probe.depth_mm,
+            ),
             presses,
             warnings: size.into_iter().chain(limit).collect(),
         }

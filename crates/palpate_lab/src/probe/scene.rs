@@ -3,6 +3,7 @@
 use super::arguments::Probe;
 use super::options::{CouplingKind, Lump, Tool};
 use crate::app_tool::COUPLING;
+use crate::block_scene::ElementOption;
 use crate::error::LabError;
 use crate::mesh_input;
 use crate::top::Top;
@@ -30,8 +31,9 @@ impl Scene {
         let tissue = Tissue {
             youngs_modulus_pa: probe.youngs_pa,
             density_kg_per_m3: probe.density,
+            poissons_ratio: probe.elements.poissons_ratio(),
             damping_ratio: probe.damping,
-            ..Tissue::default()
+            law: probe.elements.law.into(),
         };
         let (network, surface) = match &probe.mesh {
             Some(path) => mesh(probe, path, tissue)?,
@@ -61,12 +63,20 @@ fn block(probe: &Probe, tissue: Tissue) -> Result<(Network, Surface), LabError> 
     let nodes = probe.nodes.0;
     let cell_m = probe.edge_m / (nodes[0] - 1) as f64;
     let size_m = cell_m * DVec3::from_array(nodes.map(|n| (n - 1) as f64));
-    let made = Block::new(nodes, size_m)?.fix(Face::NegY).tissue(&tissue)?;
+    let block = Block::new(nodes, size_m)?.fix(Face::NegY);
+    let made = match probe.elements.element {
+        ElementOption::Spring => block.tissue(&tissue)?,
+        ElementOption::Hex => block.elements(&tissue)?,
+    };
     let mut network = made.network;
     if let Some(lump) = probe.lump {
         let inside = lump.region(0.5 * size_m.y * DVec3::Y);
         let middle = |link: &palpate_body::Link| 0.5 * (network.rest_m()[link.a] + network.rest_m()[link.b]);
-        if !network.links().iter().any(|link| inside.contains(middle(link))) {
+        let center =
+            |nodes: &[usize; 8]| nodes.map(|node| network.rest_m()[node]).iter().sum::<DVec3>() / 8.0;
+        let of_links = network.links().iter().map(middle);
+        let of_elements = network.hexahedra().iter().map(|element| center(&element.nodes));
+        if !of_links.chain(of_elements).any(|at| inside.contains(at)) {
             return Err(lump.empty(cell_m));
         }
         // Dampers are proportional to the root of the stiffness.
@@ -99,7 +109,11 @@ fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface)
     // the layer above is the lowest.
     let fixed = |layers: f64| {
         let plane = Region::HalfSpace { point_m: low + layers * cell_m * DVec3::Y, outward: DVec3::Y };
-        lattice.clone().fix(plane).tissue(&tissue)
+        let lattice = lattice.clone().fix(plane);
+        match probe.elements.element {
+            ElementOption::Spring => lattice.tissue(&tissue),
+            ElementOption::Hex => lattice.elements(&tissue),
+        }
     };
     let is_empty = |error: &BodyError| matches!(error, BodyError::Mesh(MeshError::EmptyRegion { what, .. }) if what.contains("fixed"));
     let made = match fixed(0.5) {

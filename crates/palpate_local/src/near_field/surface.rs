@@ -82,7 +82,7 @@ pub struct NearContact {
 impl Default for NearContact {
     fn default() -> Self {
         Self {
-            scale: PatchScale { cell_m: 1.0, spread_m: 0.0, axes: DVec3::AXES },
+            scale: PatchScale { cell_m: 1.0, spread_m: 0.0, axes: DVec3::AXES, softens: true },
             poissons_ratio: 0.0,
             adds_compliance: false,
             patches: [NearPatch::default(); MAX_PATCHES],
@@ -93,7 +93,7 @@ impl Default for NearContact {
 
 impl NearContact {
     pub(super) fn is_finite(&self) -> bool {
-        let PatchScale { cell_m, spread_m, axes } = self.scale;
+        let PatchScale { cell_m, spread_m, axes, .. } = self.scale;
         let patch = |p: &NearPatch| {
             let Patch { foot, normal, axis, tip_m, averaged_n } = p.patch;
             [p.rest_normal, normal, axis, tip_m].iter().chain(&p.force_n).all(|v| v.is_finite())

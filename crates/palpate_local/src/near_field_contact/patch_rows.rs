@@ -139,6 +139,5 @@ fn missing_compliance(
     }
     let rows = field.compliance.chunks_exact(field.nodes.max(1)).zip(mean).filter(|(_, w)| **w != 0.0);
     let sum: f64 = rows.map(|(row, w)| w * row.iter().zip(mean).map(|(g, o)| g * o).sum::<f64>()).sum();
-    let cell_m = field.contact.scale.cell_m;
-    layout.missing_compliance(sum / modulus_pa, cell_m)
+    layout.missing_compliance(sum / modulus_pa, &field.contact.scale)
 }
