@@ -37,6 +37,7 @@ const ALLOWED: [(&str, &[&str]); 10] = [
             "allocation-counter",
             "clap",
             "ctrlc",
+            "faer",
             "glam",
             "palpate_files",
             "indicatif",

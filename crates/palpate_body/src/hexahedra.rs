@@ -1,6 +1,5 @@
 //! The hexahedral elements of a network.
 
-use crate::network::NetworkState;
 use glam::{DMat3, DQuat, DVec3};
 use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape};
 
@@ -145,7 +144,7 @@ impl Hexahedra {
 
     /// Adds bounds of stiffness, N/m, and damping, N s/m, to those of every node: their maximum over the masses bounds the eigenvalues of
     /// M⁻¹K and M⁻¹B, because xᵀKx ≤ Σ λ_e |x_e|² with the largest eigenvalue λ_e of each element.
-    pub(crate) fn add_bounds(&self, NetworkState { x, .. }: NetworkState<'_>, bounds: &mut [(f64, f64)]) {
+    pub(crate) fn add_bounds(&self, x: &[DVec3], bounds: &mut [(f64, f64)]) {
         for element in self.iter() {
             let (k, b) = element.shape.bounds(&element.corners(x), element.material);
             for node in element.nodes {

@@ -127,7 +127,7 @@ impl Rates {
         let mut of_elements = Vec::new();
         if !network.hexahedra().is_empty() {
             of_elements.resize(network.node_count(), (0.0, 0.0));
-            network.hexahedra().add_bounds(state, &mut of_elements);
+            network.hexahedra().add_bounds(x, &mut of_elements);
         }
         for &node in network.free() {
             let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
