@@ -2,6 +2,7 @@
 
 use crate::{BodyError, MeshError, Region, Tissue};
 use glam::DVec3;
+use palpate_laws::LameParameters;
 
 /// Number of samples of the tissue along each side of a cell.
 const SAMPLES: usize = 4;
@@ -74,13 +75,13 @@ fn mean_tissue<'a>(parts: impl Iterator<Item = (&'a Tissue, f64)> + Clone) -> Ti
         ..heaviest.0
     };
     if !is_one_ratio {
-        let mu = mean(|of| of.youngs_modulus_pa / (2.0 * (1.0 + of.poissons_ratio)));
-        let lambda = mean(|of| {
-            let nu = of.poissons_ratio;
-            of.youngs_modulus_pa * nu / ((1.0 + nu) * (1.0 - 2.0 * nu))
-        });
+        // The tissues have been validated.
+        fn parameters_pa(of: &Tissue) -> LameParameters {
+            LameParameters::new(of.youngs_modulus_pa, of.poissons_ratio).unwrap_or_default()
+        }
+        let (mu, lambda) = (mean(|of| parameters_pa(of).mu), mean(|of| parameters_pa(of).lambda));
         tissue.poissons_ratio = lambda / (2.0 * (lambda + mu));
-        tissue.youngs_modulus_pa = mu * (3.0 * lambda + 2.0 * mu) / (lambda + mu);
+        tissue.youngs_modulus_pa = LameParameters { mu, lambda }.youngs_modulus();
     }
     tissue
 }

@@ -5,6 +5,7 @@ mod active_cells;
 pub(crate) use active_cells::{ActiveCells, rate_bound};
 
 use crate::Link;
+use crate::incidence::Incidence;
 use glam::{DMat3, DVec3};
 use palpate_laws::VolumeBarrier;
 
@@ -19,9 +20,8 @@ pub(crate) struct Cells {
     barriers: Vec<[VolumeBarrier; TETRAHEDRA.len()]>,
     /// Number of cells of springs, the first ones.
     with_barriers: usize,
-    /// Cells of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
-    incident: Vec<usize>,
-    incident_start: Vec<usize>,
+    /// Cells of each node.
+    incidence: Incidence,
     /// Shortest edge at rest, m.
     shortest_m: f64,
 }
@@ -56,14 +56,15 @@ pub(crate) fn spring_energies_j(
     cells: &[[usize; 8]],
     rest_m: &[DVec3],
     links: &[Link],
-    (incident, incident_start): (&[usize], &[usize]),
+    incidence: &Incidence,
 ) -> Vec<f64> {
     let springs_of = |cell: &[usize; 8]| -> Vec<usize> {
         let mut inside: Vec<usize> = Vec::with_capacity(28);
         for &node in cell {
-            let around = &incident[incident_start[node]..incident_start[node + 1]];
             // Each spring once, from its end a.
-            inside.extend(around.iter().filter(|&&l| links[l].a == node && cell.contains(&links[l].b)));
+            inside.extend(
+                incidence.of(node).iter().filter(|&&l| links[l].a == node && cell.contains(&links[l].b)),
+            );
         }
         inside
     };
@@ -149,25 +150,8 @@ impl Cells {
             made.nodes.push(cell);
             made.with_barriers += usize::from(spring_energy_j.is_some());
         }
-        made.find_incidence(rest_m.len());
+        made.incidence = Incidence::new(rest_m.len(), made.nodes.iter().copied());
         made
-    }
-
-    fn find_incidence(&mut self, nodes: usize) {
-        let mut start = vec![0; nodes + 1];
-        self.nodes.iter().flatten().for_each(|&node| start[node + 1] += 1);
-        for i in 0..nodes {
-            start[i + 1] += start[i];
-        }
-        let mut next = start.clone();
-        let mut incident = vec![0; 8 * self.nodes.len()];
-        for (index, cell) in self.nodes.iter().enumerate() {
-            for &node in cell {
-                incident[next[node]] = index;
-                next[node] += 1;
-            }
-        }
-        (self.incident, self.incident_start) = (incident, start);
     }
 
     /// Nodes of each cell.
@@ -182,10 +166,7 @@ impl Cells {
 
     /// Indices of the cells of `node`.
     fn cells_of(&self, node: usize) -> &[usize] {
-        match self.incident_start.get(node..node + 2) {
-            Some(&[from, to]) => &self.incident[from..to],
-            _ => &[],
-        }
+        self.incidence.of(node)
     }
 
     /// Whether the barriers of `cell` may act.

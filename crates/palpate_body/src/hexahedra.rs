@@ -1,5 +1,6 @@
 //! The hexahedral elements of a network.
 
+use crate::incidence::Incidence;
 use glam::{DMat3, DQuat, DVec3};
 use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape};
 
@@ -11,9 +12,8 @@ pub struct Hexahedra {
     shape: Vec<u32>,
     shapes: Vec<HexahedronShape>,
     materials: Vec<ElementMaterial>,
-    /// Elements of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
-    incident: Vec<u32>,
-    incident_start: Vec<u32>,
+    /// Elements of each node.
+    incidence: Incidence,
 }
 
 /// One hexahedron of a network.
@@ -46,20 +46,7 @@ impl Hexahedra {
 
     /// Lists the elements of each of `nodes` nodes.
     pub(crate) fn find_incidence(&mut self, nodes: usize) {
-        let mut start = vec![0; nodes + 1];
-        self.nodes.iter().flatten().for_each(|&node| start[node as usize + 1] += 1);
-        for i in 0..nodes {
-            start[i + 1] += start[i];
-        }
-        let mut next = start.clone();
-        self.incident = vec![0; 8 * self.nodes.len()];
-        for (index, corners) in self.nodes.iter().enumerate() {
-            for &node in corners {
-                self.incident[next[node as usize] as usize] = index as u32;
-                next[node as usize] += 1;
-            }
-        }
-        self.incident_start = start;
+        self.incidence = Incidence::new(nodes, self.nodes.iter().map(|of| of.map(|node| node as usize)));
     }
 
     /// Rotates the shapes at rest.
@@ -105,12 +92,9 @@ impl Hexahedra {
     }
 
     /// Indices of the elements of `node`.
-    pub fn incident(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
-        let range = match self.incident_start.get(node..node + 2) {
-            Some(&[from, to]) => from as usize..to as usize,
-            _ => 0..0,
-        };
-        self.incident[range].iter().map(|index| *index as usize)
+    #[must_use]
+    pub fn incident(&self, node: usize) -> &[usize] {
+        self.incidence.of(node)
     }
 
     /// Adds the forces of all elements, N.
@@ -124,12 +108,12 @@ impl Hexahedra {
 
     /// Force of the elements of `node` on it, N.
     pub(crate) fn force_on_n(&self, x: &[DVec3], v: &[DVec3], node: usize) -> DVec3 {
-        let of = |index: usize| -> DVec3 {
-            let element = self.get(index);
+        let of = |index: &usize| -> DVec3 {
+            let element = self.get(*index);
             let forces = element.nodes.into_iter().zip(element.forces_n(x, v));
             forces.filter(|(other, _)| *other == node).map(|(_, force)| force).sum()
         };
-        self.incident(node).map(of).sum()
+        self.incident(node).iter().map(of).sum()
     }
 
     /// Elastic energy of all elements, J.

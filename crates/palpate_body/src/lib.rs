@@ -119,6 +119,7 @@ mod face;
 mod hexahedra;
 mod implausible_size;
 mod impulse_response;
+mod incidence;
 mod integrator;
 mod lattice;
 mod limits;

@@ -10,6 +10,7 @@ pub(crate) use state::NetworkState;
 
 use crate::cells::{Cells, spring_energies_j};
 use crate::error::check;
+use crate::incidence::Incidence;
 use crate::{BodyError, Hexahedra, Link};
 use glam::{DQuat, DVec3};
 use std::collections::HashMap;
@@ -35,9 +36,8 @@ pub struct Network {
     links: Vec<Link>,
     free: Vec<usize>,
     free_index: Vec<Option<usize>>,
-    /// Incident links of node i: `incident[incident_start[i]..incident_start[i + 1]]`.
-    incident: Vec<usize>,
-    incident_start: Vec<usize>,
+    /// Links of each node.
+    incidence: Incidence,
     /// Nodes that share a link or an element with node i: `neighbour[neighbour_start[i]..neighbour_start[i + 1]]`.
     neighbour: Vec<u32>,
     neighbour_start: Vec<usize>,
@@ -73,12 +73,12 @@ impl Network {
         for (index, &node) in free.iter().enumerate() {
             free_index[node] = Some(index);
         }
-        let (incident, incident_start) = incidence(&links, rest_m.len());
+        let incidence = Incidence::new(rest_m.len(), links.iter().map(|link| [link.a, link.b]));
         hexahedra.find_incidence(rest_m.len());
-        let energies_j = spring_energies_j(&cells, &rest_m, &links, (&incident, &incident_start));
+        let energies_j = spring_energies_j(&cells, &rest_m, &links, &incidence);
         let of_elements = hexahedra.iter().map(|of| of.nodes);
         let cells = Cells::new(cells.into_iter().zip(energies_j), of_elements, &rest_m);
-        let (neighbour, neighbour_start) = neighbours(&links, (&incident, &incident_start), &hexahedra);
+        let (neighbour, neighbour_start) = neighbours(rest_m.len(), &links, &incidence, &hexahedra);
         let linear = links.iter().all(|link| link.spring.law().is_linear()) && hexahedra.is_empty();
         let network = Self {
             rest_m,
@@ -87,8 +87,7 @@ impl Network {
             links,
             free,
             free_index,
-            incident,
-            incident_start,
+            incidence,
             neighbour,
             neighbour_start,
             hexahedra,
@@ -229,7 +228,7 @@ impl Network {
     /// Indices of the links that end at node `node`.
     #[must_use]
     pub fn incident_links(&self, node: usize) -> &[usize] {
-        &self.incident[self.incident_start[node]..self.incident_start[node + 1]]
+        self.incidence.of(node)
     }
 
     /// Nodes that share a link or an element with `node`.
@@ -245,19 +244,20 @@ impl Network {
 
 /// Nodes that share a link or an element with each node, and where they start: first the linked ones in the order of the links.
 fn neighbours(
+    nodes: usize,
     links: &[Link],
-    (incident, incident_start): (&[usize], &[usize]),
+    incidence: &Incidence,
     hexahedra: &Hexahedra,
 ) -> (Vec<u32>, Vec<usize>) {
-    let (mut neighbour, mut start) = (Vec::with_capacity(incident.len()), vec![0]);
-    for node in 0..incident_start.len() - 1 {
+    let (mut neighbour, mut start) = (Vec::with_capacity(2 * links.len()), vec![0]);
+    for node in 0..nodes {
         let first = neighbour.len();
-        for &link in &incident[incident_start[node]..incident_start[node + 1]] {
+        for &link in incidence.of(node) {
             let Link { a, b, .. } = links[link];
             neighbour.push(if a == node { b } else { a } as u32);
         }
         let linked = neighbour.len();
-        let corners = hexahedra.incident(node).flat_map(|element| hexahedra.get(element).nodes);
+        let corners = hexahedra.incident(node).iter().flat_map(|element| hexahedra.get(*element).nodes);
         let mut mates: Vec<u32> = corners.map(|other| other as u32).collect();
         mates.sort_unstable();
         mates.dedup();
@@ -308,24 +308,4 @@ fn validate_links(links: &[Link], rest_m: &[DVec3]) -> Result<(), BodyError> {
         }
     }
     Ok(())
-}
-
-fn incidence(links: &[Link], nodes: usize) -> (Vec<usize>, Vec<usize>) {
-    let mut start = vec![0; nodes + 1];
-    for link in links {
-        start[link.a + 1] += 1;
-        start[link.b + 1] += 1;
-    }
-    for i in 0..nodes {
-        start[i + 1] += start[i];
-    }
-    let mut next = start.clone();
-    let mut incident = vec![0; 2 * links.len()];
-    for (index, link) in links.iter().enumerate() {
-        for node in [link.a, link.b] {
-            incident[next[node]] = index;
-            next[node] += 1;
-        }
-    }
-    (incident, start)
 }

@@ -15,6 +15,7 @@ mod blackbox;
 pub mod block_scene;
 mod continuum;
 mod devices;
+pub mod element_options;
 pub mod error;
 mod faults;
 mod fidelity;

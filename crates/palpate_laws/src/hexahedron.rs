@@ -326,8 +326,8 @@ impl HexahedronShape {
         if !material.is_damped() {
             return 0.0;
         }
-        let (f, rates) = (self.deformation_gradient(x_m), to_modes(v_m_per_s));
-        let (rate, modes) = (self.gradient(&rates), to_modes(x_m));
+        let (modes, rates) = (to_modes(x_m), to_modes(v_m_per_s));
+        let (f, rate) = (self.gradient(&modes), self.gradient(&rates));
         let (q, q_dot) = (self.hourglasses(&modes, &f), self.hourglasses(&rates, &rate));
         let squares = q.iter().zip(q_dot).zip(&self.hourglass_per_m2);
         let squares = squares.map(|((q, q_dot), k)| k * local_rate(&f, &rate, *q, q_dot).length_squared());
@@ -401,7 +401,8 @@ impl HexahedronShape {
     /// Upper bounds of the largest eigenvalues of stiffness, N/m, and damping, N s/m.
     #[must_use]
     pub fn bounds(&self, x_m: &[DVec3; CORNERS], material: &ElementMaterial) -> (f64, f64) {
-        let (f, of) = (self.deformation_gradient(x_m), material.parameters_j);
+        let modes = to_modes(x_m);
+        let (f, of) = (self.gradient(&modes), material.parameters_j);
         let bound = |gradient: f64, mu: f64| {
             let (of_gradient, of_hourglass) =
                 (self.gradient_bound_per_m2 * gradient, self.hourglass_bound_per_m2 * mu);
@@ -416,7 +417,7 @@ impl HexahedronShape {
         if !material.is_damped() {
             return (stiffness, 0.0);
         }
-        let (modes, stretch2, of) = (to_modes(x_m), stretch2_bound(&f), material.viscous_js);
+        let (stretch2, of) = (stretch2_bound(&f), material.viscous_js);
         let squares = self.hourglass_squares(&modes, &f);
         let viscous = stretch2 * (2.0 * of.mu + 3.0 * of.lambda);
         // |Σ_c (b_c ⊗ q + γ(c) Fᵀ) v_c|² ≤ 2 |q|² |Σ_c b_c ⊗ v_c|² + 2 |F|² |Σ_c γ(c) v_c|²; without q the factor is 1.

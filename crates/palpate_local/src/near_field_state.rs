@@ -156,10 +156,7 @@ impl NearFieldState {
                 near.spring.energy_j(after - a - vec3_at(z, near.a)) - near.spring.energy_j(before - a);
         }
         for tetrahedron in field.tetrahedron.iter().take(field.tetrahedra) {
-            let place = |node: usize| match node.checked_sub(field.nodes) {
-                None => field.node_m.get(node).map(|x| (*x, *x + vec3_at(z, node))),
-                Some(i) => field.ring_m.get(i).map(|x| (*x, *x + vec3_at(&self.ring_dx, i))),
-            };
+            let place = |node| placed(field, z, &self.ring_dx, node);
             let [Some(o), Some(a), Some(b), Some(c)] = tetrahedron.nodes.map(place) else { continue };
             let energy = |[o, a, b, c]: [DVec3; 4]| {
                 tetrahedron.barrier.energy_j(tetrahedron.barrier.ratio([a - o, b - o, c - o]))
@@ -167,17 +164,7 @@ impl NearFieldState {
             elastic += energy([o.1, a.1, b.1, c.1]) - energy([o.0, a.0, b.0, c.0]);
         }
         for element in field.hexahedron.iter().take(field.hexahedra) {
-            let place = |node: u16| match usize::from(node).checked_sub(field.nodes) {
-                None => {
-                    let node = usize::from(node);
-                    let x = field.node_m.get(node).copied().unwrap_or_default();
-                    (x, x + vec3_at(z, node))
-                }
-                Some(i) => {
-                    let x = field.ring_m.get(i).copied().unwrap_or_default();
-                    (x, x + vec3_at(&self.ring_dx, i))
-                }
-            };
+            let place = |node: u16| placed(field, z, &self.ring_dx, node.into()).unwrap_or_default();
             let Some(shape) = field.shape.get(element.shape) else { continue };
             let corners = element.nodes.map(place);
             elastic += shape.energy_j(&corners.map(|of| of.1), &element.material)
@@ -309,10 +296,7 @@ impl NearFieldState {
     /// Adds the forces of the volume barriers of the near tetrahedra.
     fn add_barrier_forces(&mut self, field: &NearField) {
         for tetrahedron in field.tetrahedron.iter().take(field.tetrahedra) {
-            let place = |node: usize| match node.checked_sub(field.nodes) {
-                None => field.node_m.get(node).map(|x| *x + vec3_at(&self.z, node)),
-                Some(i) => field.ring_m.get(i).map(|x| *x + vec3_at(&self.ring_dx, i)),
-            };
+            let place = |node| placed(field, &self.z, &self.ring_dx, node).map(|(_, now)| now);
             let [Some(o), Some(a), Some(b), Some(c)] = tetrahedron.nodes.map(place) else { continue };
             let edges = [a - o, b - o, c - o];
             if !VolumeBarrier::is_active(tetrahedron.barrier.ratio(edges)) {
@@ -370,6 +354,14 @@ impl NearFieldState {
                 *to += dot(column, ring_n);
             }
         }
+    }
+}
+
+/// Positions at the model step and now, m, of node i of S for i < s, and of node i of the ring for s + i.
+fn placed(field: &NearField, z: &[f64], ring_dx: &[f64], node: usize) -> Option<(DVec3, DVec3)> {
+    match node.checked_sub(field.nodes) {
+        None => field.node_m.get(node).map(|x| (*x, *x + vec3_at(z, node))),
+        Some(i) => field.ring_m.get(i).map(|x| (*x, *x + vec3_at(ring_dx, i))),
     }
 }
 

@@ -234,7 +234,7 @@ impl NearFieldBuilder {
         let (network, x, v) = (body.network(), body.positions_m(), body.velocities_m_per_s());
         let elements = network.hexahedra();
         let free = support.iter().filter(|&&node| !network.is_fixed(node));
-        let mut near: Vec<usize> = free.flat_map(|&node| elements.incident(node)).collect();
+        let mut near: Vec<usize> = free.flat_map(|&node| elements.incident(node)).copied().collect();
         near.sort_unstable();
         near.dedup();
         if near.len() > field.hexahedron.len() {

@@ -2,8 +2,7 @@
 
 use super::slit::{self, LipShares};
 use super::{Block, BlockBody};
-use crate::cell_tissue::cell_tissues;
-use crate::{BodyError, Grid, NetworkBuilder, Tissue, lattice};
+use crate::{BodyError, Grid, NetworkBuilder, Tissue};
 use glam::DVec3;
 
 impl Block {
@@ -13,18 +12,7 @@ impl Block {
     /// [`BodyError`] if a parameter is invalid, all nodes are fixed, or none is without [`Block::allow_unconstrained`];
     /// [`MeshError::EmptyRegion`](crate::MeshError::EmptyRegion) for a region outside the block.
     pub fn elements(&self, tissue: &Tissue) -> Result<BlockBody, BodyError> {
-        tissue.validate()?;
-        self.regions.iter().try_for_each(|(_, other)| other.validate())?;
-        let (cell, counts) = (self.cell_m(), self.nodes.map(|n| n - 1));
-        let at_m = |place: DVec3| self.center_m - 0.5 * self.size_m + cell * place;
-        let tissues = cell_tissues(
-            lattice::grid(counts),
-            at_m,
-            |_, _| true,
-            tissue,
-            &self.regions,
-            cell.min_element(),
-        )?;
+        let (cell, tissues) = (self.cell_m(), self.cell_tissues(tissue)?);
         let mut rest_m: Vec<DVec3> = self.grid().map(|ijk| self.rest(ijk)).collect();
         let (mut fixed, mut surface, mut cells) = (self.fixed_nodes(), self.surface(), self.cells());
         if let Some(slit) = self.slit {

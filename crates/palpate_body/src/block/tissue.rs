@@ -7,6 +7,16 @@ use crate::{BodyError, CellStiffness, Tissue, lattice};
 use glam::DVec3;
 
 impl Block {
+    /// Mean tissue of each cell, of `tissue` and of the regions, in the order of [`Block::cells`].
+    pub(super) fn cell_tissues(&self, tissue: &Tissue) -> Result<Vec<Tissue>, BodyError> {
+        tissue.validate()?;
+        self.regions.iter().try_for_each(|(_, other)| other.validate())?;
+        let cell = self.cell_m();
+        let at_m = |place: DVec3| self.center_m - 0.5 * self.size_m + cell * place;
+        let places = lattice::grid(self.nodes.map(|n| n - 1));
+        cell_tissues(places, at_m, |_, _| true, tissue, &self.regions, cell.min_element())
+    }
+
     /// Creates the block filled with `tissue`, and with the tissues of its regions.
     ///
     /// # Errors
@@ -14,12 +24,8 @@ impl Block {
     /// without [`Block::allow_unconstrained`]; [`MeshError::EmptyRegion`](crate::MeshError::EmptyRegion) for a region
     /// outside the block.
     pub fn tissue(&self, tissue: &Tissue) -> Result<BlockBody, BodyError> {
-        tissue.validate()?;
-        self.regions.iter().try_for_each(|(_, other)| other.validate())?;
         let (cell, cells) = (self.cell_m(), self.nodes.map(|n| n - 1));
-        let at_m = |place: DVec3| self.center_m - 0.5 * self.size_m + cell * place;
-        let tissues =
-            cell_tissues(lattice::grid(cells), at_m, |_, _| true, tissue, &self.regions, cell.min_element())?;
+        let tissues = self.cell_tissues(tissue)?;
         let beside = |ijk: [usize; 3], step: [i32; 3]| {
             let index = |[i, j, k]: [usize; 3]| i + cells[0] * (j + cells[1] * k);
             cells_beside(ijk, step, cells).map(move |place| (place, index(place)))

@@ -67,7 +67,7 @@ impl Body {
                 let tangent = link.spring.tangent(self.x[link.b] - self.x[link.a], false);
                 self.force[if link.a == node { link.b } else { link.a }] += tangent.stiffness * moved;
             }
-            for element in self.network.hexahedra().incident(node) {
+            for &element in self.network.hexahedra().incident(node) {
                 let element = self.network.hexahedra().get(element);
                 let blocks = element.stiffness_n_per_m(&self.x, false);
                 let column = element.nodes.iter().position(|other| *other == node);

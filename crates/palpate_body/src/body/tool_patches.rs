@@ -204,17 +204,17 @@ impl Body {
     /// Young's modulus, 1/m. `None` if the body has no grid; 0 for a fixed node.
     #[must_use]
     pub fn grid_compliance_per_m(&self, i: usize, j: usize) -> Option<f64> {
-        let cell_m = self.network.grid()?.cell_m();
+        let grid = self.network.grid()?;
+        let cell_m = grid.cell_m();
         if self.network.is_fixed(i) || self.network.is_fixed(j) {
             return Some(0.0);
         }
-        let grid = self.network.grid()?;
         let offset = (self.network.rest_m()[j] - self.network.rest_m()[i]) / cell_m;
-        let near = self.partial_cells.as_ref().map(|cells| cells.between(i, j));
+        let near = self.partial_cells.as_ref().and_then(|cells| cells.between(i, j));
         let cells = match (grid.elements_ratio(), near) {
-            (None, near) => normal_compliance_at(offset.length()) + near.flatten().unwrap_or(0.0),
-            (Some(_), Some(Some(near))) => near,
-            (Some(ratio), _) => {
+            (None, near) => normal_compliance_at(offset.length()) + near.unwrap_or(0.0),
+            (Some(_), Some(near)) => near,
+            (Some(ratio), None) => {
                 let [x, y, z] = grid.axes().map(|axis| axis.dot(offset).round() as i32);
                 // In the plane of a face one of the three is zero.
                 let [_, j, i] = {

@@ -100,7 +100,7 @@ fn stiffness(network: &Network, unit_n_per_m: impl Fn(usize, usize) -> f64) -> V
             let Link { a, b, spring } = &network.links()[link];
             *block += spring.tangent(rest[*b] - rest[*a], false).stiffness;
         }
-        for index in network.hexahedra().incident(node) {
+        for &index in network.hexahedra().incident(node) {
             let element = network.hexahedra().get(index);
             let own = element.nodes.iter().position(|other| *other == node);
             let of_element = element.stiffness_n_per_m(rest, false);

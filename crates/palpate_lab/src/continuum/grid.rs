@@ -1,7 +1,7 @@
 //! Grids of the cases, refined towards the edges of a punch.
 
 use super::options::{Case, Continuum};
-use crate::block_scene::ElementOption;
+use crate::element_options::ElementOption;
 use crate::error::LabError;
 use glam::DVec3;
 use palpate_body::{Block, Face, Network, NetworkBuilder};

@@ -1,6 +1,6 @@
 //! Options of `palpate-lab continuum`, and their defaults.
 
-use crate::block_scene::{ElementOption, LawOption};
+use crate::element_options::{ElementOption, LawOption};
 use crate::error::{LabError, check, number, whole};
 use clap::{Args, ValueEnum};
 use glam::DVec3;

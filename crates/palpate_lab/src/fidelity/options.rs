@@ -1,7 +1,8 @@
 //! Options of `palpate-lab fidelity`, their allowed ranges, and the scene that they describe.
 
 use super::comparison::{FROM, Run, Samples};
-use crate::block_scene::{BlockScene, ContactKind, ElementOptions, builtin_offset_m, period_ticks};
+use crate::block_scene::{BlockScene, ContactKind, builtin_offset_m, period_ticks};
+use crate::element_options::ElementOptions;
 use crate::error::{LabError, check, number, whole};
 use clap::Args;
 use glam::DVec3;

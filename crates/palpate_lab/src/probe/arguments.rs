@@ -1,7 +1,7 @@
 //! Arguments of `palpate-lab probe` and their allowed ranges.
 
 use super::options::{self, BuiltinBody, CouplingKind, IntegratorKind, Lump, Nodes, Place, Scan, Tool};
-use crate::block_scene::ElementOptions;
+use crate::element_options::ElementOptions;
 use crate::error::{LabError, check, number, whole};
 use clap::Args;
 use palpate_body::CellLattice;

@@ -3,7 +3,7 @@
 use super::arguments::Probe;
 use super::options::{CouplingKind, Lump, Tool};
 use crate::app_tool::COUPLING;
-use crate::block_scene::ElementOption;
+use crate::element_options::ElementOption;
 use crate::error::LabError;
 use crate::mesh_input;
 use crate::top::Top;

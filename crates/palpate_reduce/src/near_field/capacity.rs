@@ -13,7 +13,7 @@ pub(crate) fn capacity(body: &Body, nodes: usize, order: usize) -> NearFieldCapa
     let degree = network.free().iter().map(|&node| network.incident_links(node).len()).max().unwrap_or(0);
     let springs = (nodes * degree).min(network.links().len());
     let elements = network.hexahedra();
-    let incident = network.free().iter().map(|&node| elements.incident(node).count()).max().unwrap_or(0);
+    let incident = network.free().iter().map(|&node| elements.incident(node).len()).max().unwrap_or(0);
     let hexahedra = (nodes * incident).min(elements.len());
     // A node has seven others in each of its elements.
     let ring = springs.saturating_add(7 * hexahedra).min(network.node_count());
