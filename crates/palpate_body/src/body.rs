@@ -43,6 +43,7 @@ use crate::{
 };
 use glam::{DQuat, DVec3};
 use obstacle_candidates::ObstacleCandidates;
+use palpate_laws::RelaxedStress;
 use std::sync::Arc;
 
 /// A deformable body: a [`Network`] with positions and velocities of its nodes, a [`Surface`], loads, obstacles and
@@ -71,6 +72,10 @@ pub struct Body {
     candidates: ObstacleCandidates,
     x: Vec<DVec3>,
     v: Vec<DVec3>,
+    /// Relaxed stress of every element; empty where none relaxes.
+    relaxed: Vec<RelaxedStress>,
+    /// The largest stress that has not relaxed, over the shear modulus.
+    to_relax: f64,
     /// Time for which the body has been at rest, s.
     quiet_s: f64,
     /// Whether a tool touched or held the body at the end of the last advance.
@@ -112,6 +117,10 @@ pub struct BodyState {
     pub is_touched: bool,
     /// Ties, including torn ones.
     pub ties: Vec<Tie>,
+    /// Relaxed stress of every element times its volume, J: xx, yy, zz, xy, yz, zx of each term of the Prony series. Empty where no element
+    /// relaxes.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub relaxed_stress_j: Vec<RelaxedStress>,
     /// Position of the fixed nodes relative to rest, m; see [`Body::move_fixed`].
     #[cfg_attr(feature = "serde", serde(default))]
     pub fixed_position_m: DVec3,
@@ -167,6 +176,8 @@ impl Body {
             active_cells: ActiveCells::default(),
             v: still,
             x,
+            relaxed: fresh(&network),
+            to_relax: 0.0,
             network: Arc::new(network),
             surface: Arc::new(surface),
         })
@@ -174,7 +185,7 @@ impl Body {
 
     /// The network with the positions and velocities of its nodes.
     pub(crate) fn network_state(&self) -> NetworkState<'_> {
-        NetworkState { network: &self.network, x: &self.x, v: &self.v }
+        NetworkState { network: &self.network, x: &self.x, v: &self.v, relaxed: &self.relaxed }
     }
 
     /// Network of the body.
@@ -334,6 +345,12 @@ impl Body {
         &self.v
     }
 
+    /// Relaxed stress of every element, see [`BodyState::relaxed_stress_j`].
+    #[must_use]
+    pub fn relaxed_stress_j(&self) -> &[RelaxedStress] {
+        &self.relaxed
+    }
+
     /// Whether the body is at rest: no node and no rigid obstacle was faster than 0.1 mm/s for 0.1 s.
     ///
     /// While its surroundings do not change, it needs no steps: [`Body::advance`] without a tool sets its velocities to
@@ -353,6 +370,7 @@ impl Body {
             quiet_s: self.quiet_s,
             is_touched: self.is_touched,
             ties: self.ties.clone(),
+            relaxed_stress_j: self.relaxed.clone(),
             fixed_position_m: self.fixed_pose.position_m,
             fixed_rotation: self.fixed_pose.rotation,
         }
@@ -365,14 +383,21 @@ impl Body {
     pub fn restore(&mut self, state: &BodyState) -> Result<(), BodyError> {
         state.ties.iter().try_for_each(|tie| tie.validate(self.x.len()))?;
         let fixed_pose = Pose::new(state.fixed_position_m, state.fixed_rotation)?;
+        let (found, needed) = (state.relaxed_stress_j.len(), self.relaxed.len());
+        if found != 0 && found != needed {
+            return Err(BodyError::RelaxedStress { found, needed });
+        }
         self.set_state(&state.positions_m, &state.velocities_m_per_s)?;
         (self.fixed_pose, self.fixed_target) = (fixed_pose, None);
+        if !state.relaxed_stress_j.is_empty() {
+            self.relaxed.clone_from(&state.relaxed_stress_j);
+        }
         self.ties.clone_from(&state.ties);
         (self.quiet_s, self.is_touched) = (state.quiet_s, state.is_touched);
         Ok(())
     }
 
-    /// Sets positions, m, and velocities, m/s, of all nodes. Velocities of fixed nodes are set to zero.
+    /// Sets positions, m, and velocities, m/s, of all nodes. Velocities of fixed nodes are set to zero, and no stress has relaxed.
     ///
     /// # Errors
     /// [`BodyError::Length`] if a list does not have one entry for each node, [`BodyError::Position`] if an entry is
@@ -394,6 +419,8 @@ impl Body {
         for node in (0..nodes).filter(|&node| self.network.is_fixed(node)) {
             self.v[node] = DVec3::ZERO;
         }
+        self.relaxed.fill(RelaxedStress::default());
+        self.to_relax = f64::from(u8::from(!self.relaxed.is_empty()));
         self.contacts.clear();
         // Setting a state is no work.
         self.ledger = self.ledger.take().map(|_| EnergyLedger::start(self));
@@ -407,7 +434,7 @@ impl Body {
     pub fn internal_forces_n(&self, force_n: &mut [DVec3]) {
         assert_eq!(force_n.len(), self.x.len(), "one force for each node");
         spring_forces(&self.network, &self.x, &self.v, force_n);
-        self.network.hexahedra().add_forces(&self.x, &self.v, force_n);
+        self.network.hexahedra().add_forces((&self.x, &self.v, &self.relaxed), force_n);
         self.network.barriers().add_all_forces(&self.x, force_n);
     }
 
@@ -420,7 +447,7 @@ impl Body {
             let f = link.spring.force_on_a(self.x[link.b] - self.x[link.a], self.v[link.b] - self.v[link.a]);
             sum += if link.a == node { f } else { -f };
         }
-        sum += self.network.hexahedra().force_on_n(&self.x, &self.v, node);
+        sum += self.network.hexahedra().force_on_n((&self.x, &self.v, &self.relaxed), node);
         match self.network.barriers().force_on_n(&self.x, node) {
             Some(force) => sum + force,
             None => sum,
@@ -443,6 +470,12 @@ impl Body {
         let cells = self.network.barriers();
         (0..cells.nodes().len()).filter(|&cell| cells.is_inverted(cell, &self.x))
     }
+}
+
+/// Relaxed stress of the elements of a network that has not relaxed.
+fn fresh(network: &Network) -> Vec<RelaxedStress> {
+    let count = if network.hexahedra().relax_at_all() { network.hexahedra().len() } else { 0 };
+    vec![RelaxedStress::default(); count]
 }
 
 /// Writes the forces of springs and dampers on all nodes, N.

@@ -75,6 +75,14 @@ pub enum BodyError {
         /// Index of the other node.
         b: usize,
     },
+    /// A state has the relaxed stress of another number of elements.
+    #[error("the state has the relaxed stress of {found} elements; it must be that of {needed}, or empty")]
+    RelaxedStress {
+        /// Number of elements in the state.
+        found: usize,
+        /// Number of elements of the body that has it.
+        needed: usize,
+    },
     /// An element refers to a node that does not exist.
     #[error("element {element} has node {node}, but there are only {nodes} nodes (0 to {})", .nodes.saturating_sub(1))]
     ElementNode {

@@ -2,7 +2,7 @@
 
 use crate::incidence::Incidence;
 use glam::{DMat3, DQuat, DVec3};
-use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape};
+use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape, RelaxedStress};
 
 /// Eight-node hexahedra; see [`HexahedronShape`]. Equal shapes are stored once.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -97,28 +97,54 @@ impl Hexahedra {
         self.incidence.of(node)
     }
 
+    /// Whether the stress of an element relaxes.
+    pub(crate) fn relax_at_all(&self) -> bool {
+        self.materials.iter().any(ElementMaterial::relaxes)
+    }
+
+    /// Advances the relaxed stress of all elements by `h` seconds at constant positions. Returns the largest part that has not relaxed,
+    /// over the shear modulus: a strain.
+    pub(crate) fn relax(&self, x: &[DVec3], h: f64, relaxed: &mut [RelaxedStress]) -> f64 {
+        let of = |(element, relaxed): (Hexahedron<'_>, &mut RelaxedStress)| {
+            element.shape.relax(&element.corners(x), element.material, relaxed, h)
+        };
+        self.iter().zip(relaxed).map(of).fold(0.0, f64::max)
+    }
+
     /// Adds the forces of all elements, N.
-    pub(crate) fn add_forces(&self, x: &[DVec3], v: &[DVec3], force: &mut [DVec3]) {
-        for element in self.iter() {
-            for (node, f) in element.nodes.into_iter().zip(element.forces_n(x, v)) {
+    pub(crate) fn add_forces(
+        &self,
+        (x, v, relaxed): (&[DVec3], &[DVec3], &[RelaxedStress]),
+        force: &mut [DVec3],
+    ) {
+        for (index, element) in self.iter().enumerate() {
+            let forces = element.forces_n(x, v, relaxed_of(relaxed, index));
+            for (node, f) in element.nodes.into_iter().zip(forces) {
                 force[node] += f;
             }
         }
     }
 
     /// Force of the elements of `node` on it, N.
-    pub(crate) fn force_on_n(&self, x: &[DVec3], v: &[DVec3], node: usize) -> DVec3 {
-        let of = |index: &usize| -> DVec3 {
-            let element = self.get(*index);
-            let forces = element.nodes.into_iter().zip(element.forces_n(x, v));
+    pub(crate) fn force_on_n(
+        &self,
+        (x, v, relaxed): (&[DVec3], &[DVec3], &[RelaxedStress]),
+        node: usize,
+    ) -> DVec3 {
+        let of = |&index: &usize| -> DVec3 {
+            let element = self.get(index);
+            let forces = element.nodes.into_iter().zip(element.forces_n(x, v, relaxed_of(relaxed, index)));
             forces.filter(|(other, _)| *other == node).map(|(_, force)| force).sum()
         };
         self.incident(node).iter().map(of).sum()
     }
 
     /// Elastic energy of all elements, J.
-    pub(crate) fn energy_j(&self, x: &[DVec3]) -> f64 {
-        self.iter().map(|of| of.shape.energy_j(&of.corners(x), of.material)).sum()
+    pub(crate) fn energy_j(&self, x: &[DVec3], relaxed: &[RelaxedStress]) -> f64 {
+        let of = |(index, of): (usize, Hexahedron<'_>)| {
+            of.shape.energy_j(&of.corners(x), of.material, relaxed_of(relaxed, index))
+        };
+        self.iter().enumerate().map(of).sum()
     }
 
     /// Power that the dampers of all elements dissipate, W.
@@ -139,22 +165,35 @@ impl Hexahedra {
     }
 }
 
+/// The relaxed stress of an element whose stress has not relaxed.
+const FRESH: RelaxedStress = [[0.0; 6]; palpate_laws::MAX_PRONY_TERMS];
+
+/// The relaxed stress of the element at `index`; the list of a body whose elements do not relax is empty.
+pub(crate) fn relaxed_of(relaxed: &[RelaxedStress], index: usize) -> &RelaxedStress {
+    relaxed.get(index).unwrap_or(&FRESH)
+}
+
 impl Hexahedron<'_> {
     /// The values of all nodes at the corners.
     fn corners(&self, of: &[DVec3]) -> [DVec3; 8] {
         self.nodes.map(|node| of[node])
     }
 
-    /// Forces on the corners, N, for the positions and velocities of all nodes.
+    /// Forces on the corners, N, for the positions and velocities of all nodes, and the relaxed stress.
     #[must_use]
-    pub fn forces_n(&self, x_m: &[DVec3], v_m_per_s: &[DVec3]) -> [DVec3; 8] {
-        self.shape.forces_n(&self.corners(x_m), &self.corners(v_m_per_s), self.material)
+    pub fn forces_n(&self, x_m: &[DVec3], v_m_per_s: &[DVec3], relaxed: &RelaxedStress) -> [DVec3; 8] {
+        self.shape.forces_n(&self.corners(x_m), &self.corners(v_m_per_s), self.material, relaxed)
     }
 
-    /// Stiffness between the corners, N/m, for the positions of all nodes. With `clamped` it is positive semidefinite.
+    /// Stiffness between the corners, N/m, for the positions of all nodes, and the relaxed stress. With `clamped` it is positive semidefinite.
     #[must_use]
-    pub fn stiffness_n_per_m(&self, x_m: &[DVec3], clamped: bool) -> HexahedronBlocks {
-        self.shape.stiffness_n_per_m(&self.corners(x_m), self.material, clamped)
+    pub fn stiffness_n_per_m(
+        &self,
+        x_m: &[DVec3],
+        relaxed: &RelaxedStress,
+        clamped: bool,
+    ) -> HexahedronBlocks {
+        self.shape.stiffness_n_per_m(&self.corners(x_m), self.material, relaxed, clamped)
     }
 
     /// Damping between the corners, N s/m, for the positions of all nodes; `None` without damping.

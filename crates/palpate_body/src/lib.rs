@@ -166,7 +166,9 @@ pub use obstacle::{
     CoupledMotion, Obstacle, ObstacleContact, ObstacleReaction, RigidMass, RigidMotion, RigidResponse,
 };
 pub use optimization::is_optimized;
-pub use palpate_laws::{ElasticLaw, ToolShape, VirtualCoupling, VolumeBarrier};
+pub use palpate_laws::{
+    ElasticLaw, PronyTerm, Relaxation, RelaxedStress, ToolShape, VirtualCoupling, VolumeBarrier,
+};
 pub use region::Region;
 pub use skin::Skin;
 pub use surface::{ClosestPoint, ContactSurface, Surface, SurfaceTree};

@@ -1,8 +1,10 @@
 //! The exact sparse tangent of internal forces.
 
+use crate::hexahedra::relaxed_of;
+use crate::network::NetworkState;
 use crate::{Hexahedron, Network};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
-use glam::{DMat3, DVec3};
+use glam::DMat3;
 use palpate_laws::HexahedronBlocks;
 
 /// Sparsity pattern of a network's tangent. It is computed once, since the links and elements of a body never change. Degree of
@@ -113,11 +115,10 @@ impl TangentPattern {
         }
     }
 
-    /// [`TangentPattern::fill`] for given positions, with separate clamping for springs and elements, and for volume barriers.
+    /// [`TangentPattern::fill`] in a given state, with separate clamping for springs and elements, and for volume barriers.
     pub(crate) fn fill_at(
         &self,
-        network: &Network,
-        x: &[DVec3],
+        NetworkState { network, x, relaxed, .. }: NetworkState<'_>,
         (springs_clamped, barriers_clamped): (bool, bool),
         tangent: &mut Tangent,
     ) {
@@ -142,7 +143,7 @@ impl TangentPattern {
                 }
             }
         }
-        for (element, first) in network.hexahedra().iter().zip(&self.hexahedra) {
+        for ((index, element), first) in network.hexahedra().iter().enumerate().zip(&self.hexahedra) {
             let strides = element.nodes.map(|node| {
                 network.free_index(node).map_or(0, |column| self.symbolic.col_range(3 * column).len())
             });
@@ -154,7 +155,8 @@ impl TangentPattern {
                     }
                 }
             };
-            add(&element.stiffness_n_per_m(x, springs_clamped), &mut tangent.stiffness);
+            let stiffness = element.stiffness_n_per_m(x, relaxed_of(relaxed, index), springs_clamped);
+            add(&stiffness, &mut tangent.stiffness);
             if let Some(blocks) = element.damping_ns_per_m(x) {
                 add(&blocks, &mut tangent.damping);
             }

@@ -3,7 +3,7 @@
 use crate::BodyError;
 use crate::error::{check, check_damping_ratio, check_positive};
 use glam::DVec3;
-use palpate_laws::{ElasticLaw, ElementMaterial, LameParameters};
+use palpate_laws::{ElasticLaw, ElementMaterial, LameParameters, Relaxation};
 
 /// A homogeneous isotropic tissue, represented by a lattice of springs.
 ///
@@ -40,6 +40,8 @@ pub struct Tissue {
     pub damping_ratio: f64,
     /// Elastic law of elements.
     pub law: ElasticLaw,
+    /// Stress relaxation of elements. Young's modulus and Poisson's ratio are those of fast loading.
+    pub relaxation: Relaxation,
 }
 
 impl Default for Tissue {
@@ -61,6 +63,7 @@ impl Tissue {
         density_kg_per_m3: 1000.0,
         damping_ratio: 0.5,
         law: ElasticLaw::NeoHookean,
+        relaxation: Relaxation::NONE,
     };
 
     /// Checks the parameters.
@@ -80,7 +83,7 @@ impl Tissue {
         let parameters_j = parameters_pa.scaled(volume_m3 * fill);
         let LameParameters { mu, lambda } = parameters_j.scaled(damping_s);
         let viscous_js = LameParameters { mu, lambda: lambda.min(mu) };
-        Ok(ElementMaterial { law: self.law, parameters_j, viscous_js })
+        Ok(ElementMaterial { law: self.law, parameters_j, viscous_js, relaxation: self.relaxation })
     }
 }
 

@@ -461,3 +461,71 @@ fn ball_feels_no_cells_and_hertz_s_force() {
         assert!((-0.01..0.05).contains(&off) && ripple(&forces) < most, "{text}");
     }
 }
+
+fn relaxing(nu: f64) -> Tissue {
+    let relaxation =
+        Relaxation::new(&[PronyTerm { share: 0.3, time_s: 0.05 }, PronyTerm { share: 0.2, time_s: 0.4 }]);
+    Tissue { relaxation: relaxation.unwrap(), ..tissue(ElasticLaw::NeoHookean, nu) }
+}
+
+/// A wide layer in simple shear: the force is proportional to the shear modulus.
+#[test]
+fn sheared_layer_relaxes_with_its_prony_series() {
+    let layer = |tissue: &Tissue| {
+        let block = Block::new([9, 9, 3], DVec3::new(0.16, 0.16, 0.02)).unwrap();
+        let made = block.fix(Face::NegZ).fix(Face::PosZ).elements(tissue).unwrap();
+        let mut body = Body::new(made.network, made.surface).unwrap();
+        let sheared = body.positions_m().iter().map(|x| *x + 0.02 * (x.z + 0.01) * DVec3::X);
+        let sheared: Vec<DVec3> = sheared.collect();
+        body.set_state(&sheared, &vec![DVec3::ZERO; sheared.len()]).unwrap();
+        body
+    };
+    let force = |body: &Body| -> f64 {
+        let rest = body.network().rest_m();
+        let mut force = vec![DVec3::ZERO; rest.len()];
+        body.internal_forces_n(&mut force);
+        rest.iter().zip(force).filter(|(x, _)| x.z > 0.0099).map(|(_, f)| -f.x).sum()
+    };
+    let mut body = layer(&relaxing(0.45));
+    let mut elastic = layer(&Tissue { relaxation: Relaxation::NONE, ..relaxing(0.45) });
+    let stored = body.energy().elastic_j;
+    body.start_energy_accounting();
+    for t in 1..=10 {
+        for body in [&mut body, &mut elastic] {
+            body.advance(None, 50, SemiImplicitEuler::default()).unwrap();
+        }
+        assert!(!body.is_settled(), "the stress still relaxes");
+        let t = 0.05 * f64::from(t);
+        let expected = 1.0 - 0.3 * (1.0 - (-t / 0.05).exp()) - 0.2 * (1.0 - (-t / 0.4).exp());
+        let ratio = force(&body) / force(&elastic);
+        assert!((ratio / expected - 1.0).abs() < 0.004, "{t} s: {ratio}, {expected}");
+    }
+    let balance = body.energy_balance().unwrap();
+    // The energy of a branch falls twice as fast as its stress.
+    let lost = 0.3 + 0.2 * (1.0 - (-2.0 * 0.5_f64 / 0.4).exp());
+    assert!((balance.damping_loss_j / stored / lost - 1.0).abs() < 0.02, "{balance:?} of {stored} J");
+    assert!(balance.integrator_j.abs() < 1e-4 * stored, "{balance:?} of {stored} J");
+}
+
+#[test]
+fn relaxed_stress_is_part_of_the_state() {
+    let mut body = block([4, 4, 5], &relaxing(0.45));
+    set_places(&mut body, |x| DVec3::new(x.x, x.y, 1.1 * x.z));
+    body.advance(None, 100, SemiImplicitEuler::default()).unwrap();
+    let state = body.state();
+    assert_eq!(state.relaxed_stress_j.len(), 36);
+    let mut again = block([4, 4, 5], &relaxing(0.45));
+    again.restore(&state).unwrap();
+    for body in [&mut body, &mut again] {
+        body.advance(None, 60, SemiImplicitEuler::default()).unwrap();
+    }
+    assert_eq!(body.state(), again.state());
+    let wrong = BodyState { relaxed_stress_j: vec![[[0.0; 6]; 3]; 35], ..state };
+    let error = again.restore(&wrong).unwrap_err();
+    assert_eq!(error, BodyError::RelaxedStress { found: 35, needed: 36 });
+    // It returns to rest once all has relaxed.
+    for _ in 0..60 {
+        body.advance(None, 100, SemiImplicitEuler::default()).unwrap();
+    }
+    assert!(off_m(&body) < 1e-5 && body.is_settled(), "{}", off_m(&body));
+}

@@ -76,6 +76,7 @@ impl BlockScene {
                 density_kg_per_m3: self.mass_kg / self.edge_m.powi(3),
                 damping_ratio: self.damping_ratio,
                 law,
+                ..Tissue::default()
             })?,
         };
         let body = Body::new(block.network, block.surface)?;

@@ -29,7 +29,7 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 
 use glam::{DMat3, DVec3};
-use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape, LameParameters};
+use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape, LameParameters, RelaxedStress};
 
 /// Largest offset in the table, cells.
 const REACH: usize = 8;
@@ -57,7 +57,12 @@ impl Cells {
         let parameters_j = LameParameters::new(1.0, poissons_ratio)?;
         let material = ElementMaterial { parameters_j, ..ElementMaterial::default() };
         let shape = HexahedronShape::new(&corners).ok_or("a cube is flat")?;
-        Ok(Self::Hexahedra(Box::new(shape.stiffness_n_per_m(&corners, &material, false))))
+        Ok(Self::Hexahedra(Box::new(shape.stiffness_n_per_m(
+            &corners,
+            &material,
+            &RelaxedStress::default(),
+            false,
+        ))))
     }
 }
 

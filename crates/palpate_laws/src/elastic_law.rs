@@ -125,6 +125,21 @@ impl ElasticLaw {
         }
     }
 
+    /// Second Piola stress F⁻¹P, in units of the parameters. Singular values below 0.25 count as 0.25 in the inverse.
+    #[must_use]
+    pub fn second_stress(self, f: &DMat3, of: LameParameters) -> DMat3 {
+        let cofactor = cofactor(f);
+        let j = f.x_axis.dot(cofactor.x_axis);
+        if logarithm_of_volume(j, inner(f, f)).is_some() {
+            // F⁻¹ = cof Fᵀ/J.
+            return cofactor.transpose() * self.stress(f, of) * j.recip();
+        }
+        let SingularValues { u, s, v } = SingularValues::of(f);
+        let stress = self.stress(f, of);
+        let along = |i: usize| u.col(i).dot(stress * v.col(i)) / s[i].max(FLAT);
+        v * DMat3::from_diagonal(DVec3::new(along(0), along(1), along(2))) * v.transpose()
+    }
+
     /// Derivative of the stress, in units of the parameters. With `clamped`, its positive semidefinite part.
     ///
     /// The derivative is diagonal in the directions of the singular values except for three scalings (T. Kim and D. Eberle, Dynamic Deformables,

@@ -39,6 +39,15 @@ pub enum LawError {
     /// Young's modulus is not finite or not above 0.
     #[error("Young's modulus is {0} Pa; it must be finite and above 0")]
     YoungsModulus(f64),
+    /// A Prony series has too many terms.
+    #[error("relaxation has {0} terms; it must have at most 3")]
+    RelaxationTerms(usize),
+    /// A share of a Prony series, or their sum, is out of range.
+    #[error("share of the modulus that relaxes is {0}; each must be above 0 and their sum at most 0.99")]
+    RelaxedShare(f64),
+    /// A time of a Prony series is not finite or not above 0.
+    #[error("relaxation time is {0} s; it must be finite and above 0")]
+    RelaxationTime(f64),
     /// Poisson's ratio is not from 0 to 0.49.
     #[error("Poisson's ratio is {0}; it must be from 0 to 0.49")]
     PoissonsRatio(f64),

@@ -2,7 +2,7 @@
 
 use crate::elastic_law::{inner, outer, stretch2_bound};
 use crate::symmetric::eigenvectors;
-use crate::{ElasticLaw, LameParameters, StressTangent};
+use crate::{ElasticLaw, LameParameters, Relaxation, RelaxedStress, StressTangent};
 use glam::{DMat3, DVec3};
 
 /// Number of corners.
@@ -56,6 +56,8 @@ pub struct ElementMaterial {
     /// Parameters of the viscous stress times the volume, J s: that of a linear material in the rate of the Green strain. Stiffness-proportional
     /// (Rayleigh) damping β has β times `parameters_j`.
     pub viscous_js: LameParameters,
+    /// Stress relaxation. The hourglass stiffness is that of the relaxed material.
+    pub relaxation: Relaxation,
 }
 
 impl Default for HexahedronShape {
@@ -79,7 +81,7 @@ impl ElementMaterial {
     #[must_use]
     pub fn is_finite(&self) -> bool {
         let is_finite = |of: LameParameters| of.mu.is_finite() && of.lambda.is_finite();
-        is_finite(self.parameters_j) && is_finite(self.viscous_js)
+        is_finite(self.parameters_j) && is_finite(self.viscous_js) && self.relaxation.is_finite()
     }
 
     /// Whether the material has a damper.
@@ -87,6 +89,46 @@ impl ElementMaterial {
     #[inline]
     pub fn is_damped(&self) -> bool {
         self.viscous_js != LameParameters::default()
+    }
+
+    /// Whether the stress relaxes.
+    #[must_use]
+    #[inline]
+    pub fn relaxes(&self) -> bool {
+        !self.relaxation.is_none()
+    }
+
+    /// μ of the hourglass stiffness, J.
+    #[inline]
+    fn hourglass_j(&self) -> f64 {
+        self.parameters_j.mu * (1.0 - self.relaxation.share())
+    }
+
+    /// The part of the second Piola stress that relaxes, times the volume, J.
+    fn relaxing_j(&self, f: &DMat3) -> [f64; 6] {
+        let mu = self.parameters_j.mu;
+        let stress = self.law.second_stress(f, LameParameters { mu, lambda: -2.0 / 3.0 * mu });
+        [stress.x_axis.x, stress.y_axis.y, stress.z_axis.z, stress.x_axis.y, stress.y_axis.z, stress.z_axis.x]
+    }
+
+    /// Σ g H, J.
+    #[inline]
+    fn relaxed_j(&self, relaxed: &RelaxedStress) -> DMat3 {
+        let mut sum = [0.0; 6];
+        for (index, term) in self.relaxation.terms() {
+            sum.iter_mut().zip(&relaxed[index]).for_each(|(to, h)| *to += term.share * h);
+        }
+        symmetric_matrix(&sum)
+    }
+
+    /// Change of the stored energy by relaxation at the deformation gradient `f`, J: −Σ g (H:E − H:H/(4μ)) with the Green strain E.
+    fn relaxed_energy_j(&self, f: &DMat3, relaxed: &RelaxedStress) -> f64 {
+        let strain = (f.transpose() * *f - DMat3::IDENTITY) * 0.5;
+        let of_term = |(index, term): (usize, crate::PronyTerm)| {
+            let h = symmetric_matrix(&relaxed[index]);
+            term.share * (inner(&h, &h) / (4.0 * self.parameters_j.mu) - inner(&h, &strain))
+        };
+        self.relaxation.terms().map(of_term).sum()
     }
 
     /// Second Piola stress of the damper times the volume, J.
@@ -267,7 +309,29 @@ impl HexahedronShape {
         std::array::from_fn(|m| modes[HOURGLASSES[m]] - *f * self.rest_m[m])
     }
 
-    /// Forces on the corners, N, with the corners at `x_m`, m, that move at `v_m_per_s`.
+    /// Advances H of a material that relaxes by `h` seconds at constant corners `x_m`, m. Returns the largest |S − H|/μ before: a strain.
+    pub fn relax(
+        &self,
+        x_m: &[DVec3; CORNERS],
+        material: &ElementMaterial,
+        relaxed: &mut RelaxedStress,
+        h: f64,
+    ) -> f64 {
+        let stress = material.relaxing_j(&self.deformation_gradient(x_m));
+        let mut largest2 = 0.0_f64;
+        for (index, term) in material.relaxation.terms() {
+            let share = -(-h / term.time_s).exp_m1();
+            let mut off2 = 0.0;
+            for (to, stress) in relaxed[index].iter_mut().zip(stress) {
+                off2 += (stress - *to) * (stress - *to);
+                *to += share * (stress - *to);
+            }
+            largest2 = largest2.max(off2);
+        }
+        largest2.sqrt() / material.parameters_j.mu
+    }
+
+    /// Forces on the corners, N, with the corners at `x_m`, m, that move at `v_m_per_s`, and H of a material that relaxes.
     #[must_use]
     #[inline]
     pub fn forces_n(
@@ -275,12 +339,16 @@ impl HexahedronShape {
         x_m: &[DVec3; CORNERS],
         v_m_per_s: &[DVec3; CORNERS],
         material: &ElementMaterial,
+        relaxed: &RelaxedStress,
     ) -> [DVec3; CORNERS] {
         let modes = to_modes(x_m);
         let f = self.gradient(&modes);
         // Then the forces over k_m/(μ V).
         let mut hourglasses = self.hourglasses(&modes, &f);
         let mut stress_j = material.law.stress(&f, material.parameters_j);
+        if material.relaxes() {
+            stress_j -= f * material.relaxed_j(relaxed);
+        }
         if material.is_damped() {
             let rates = to_modes(v_m_per_s);
             let rate = self.gradient(&rates);
@@ -289,10 +357,10 @@ impl HexahedronShape {
             for ((q, q_dot), k) in hourglasses.iter_mut().zip(of_rates).zip(&self.hourglass_per_m2) {
                 let w = material.viscous_js.mu * local_rate(&f, &rate, *q, q_dot);
                 stress_j += outer(k * *q, w);
-                *q = material.parameters_j.mu * *q + f * w;
+                *q = material.hourglass_j() * *q + f * w;
             }
         } else {
-            hourglasses.iter_mut().for_each(|q| *q *= material.parameters_j.mu);
+            hourglasses.iter_mut().for_each(|q| *q *= material.hourglass_j());
         }
         let mut on_modes = [DVec3::ZERO; CORNERS];
         for (m, force) in hourglasses.into_iter().enumerate() {
@@ -308,11 +376,18 @@ impl HexahedronShape {
 
     /// Elastic energy, J.
     #[must_use]
-    pub fn energy_j(&self, x_m: &[DVec3; CORNERS], material: &ElementMaterial) -> f64 {
+    pub fn energy_j(
+        &self,
+        x_m: &[DVec3; CORNERS],
+        material: &ElementMaterial,
+        relaxed: &RelaxedStress,
+    ) -> f64 {
         let modes = to_modes(x_m);
         let f = self.gradient(&modes);
+        let of_relaxation = if material.relaxes() { material.relaxed_energy_j(&f, relaxed) } else { 0.0 };
         material.law.energy(&f, material.parameters_j)
-            + 0.5 * self.hourglass_squares(&modes, &f) * material.parameters_j.mu
+            + of_relaxation
+            + 0.5 * self.hourglass_squares(&modes, &f) * material.hourglass_j()
     }
 
     /// Power that the damper dissipates, W.
@@ -340,18 +415,27 @@ impl HexahedronShape {
         q.iter().zip(&self.hourglass_per_m2).map(|(q, k)| q.length_squared() * k).sum()
     }
 
-    /// Stiffness, N/m: entry \[i\]\[j\] is minus the derivative of the force on corner i by corner j. With `clamped` it is positive
-    /// semidefinite.
+    /// Stiffness, N/m, at constant H: entry \[i\]\[j\] is minus the derivative of the force on corner i by corner j. With `clamped` it is
+    /// positive semidefinite.
     #[must_use]
     pub fn stiffness_n_per_m(
         &self,
         x_m: &[DVec3; CORNERS],
         material: &ElementMaterial,
+        relaxed: &RelaxedStress,
         clamped: bool,
     ) -> HexahedronBlocks {
         let f = self.deformation_gradient(x_m);
-        let tangent = material.law.tangent(&f, material.parameters_j, clamped);
-        self.blocks(&tangent, material.parameters_j.mu)
+        let mut tangent = material.law.tangent(&f, material.parameters_j, clamped);
+        if material.relaxes() && !clamped {
+            let relaxed = material.relaxed_j(relaxed);
+            for (c, blocks) in tangent.iter_mut().enumerate() {
+                for (d, block) in blocks.iter_mut().enumerate() {
+                    *block -= DMat3::from_diagonal(DVec3::splat(relaxed.col(c)[d]));
+                }
+            }
+        }
+        self.blocks(&tangent, material.hourglass_j())
     }
 
     /// Damping, N s/m: entry \[i\]\[j\] is minus the derivative of the force on corner i by the velocity of corner j.
@@ -430,6 +514,11 @@ impl HexahedronShape {
 #[inline]
 fn local_rate(f: &DMat3, f_dot: &DMat3, q: DVec3, q_dot: DVec3) -> DVec3 {
     f_dot.transpose() * q + f.transpose() * q_dot
+}
+
+/// The symmetric matrix of xx, yy, zz, xy, yz, zx.
+fn symmetric_matrix(&[xx, yy, zz, xy, yz, zx]: &[f64; 6]) -> DMat3 {
+    DMat3::from_cols(DVec3::new(xx, xy, zx), DVec3::new(xy, yy, yz), DVec3::new(zx, yz, zz))
 }
 
 /// h_m(c), ±1.

@@ -30,7 +30,7 @@
 //! * Springs: [`Spring`], a spring with a parallel damper, with force, energy and exact tangent; [`ForceLaw`], linear,
 //!   measured on skin ([`SkinLaw`]) or exponential.
 //! * Elements: [`ElasticLaw`], corotational linear or neo-Hookean, with [`LameParameters`]; [`HexahedronShape`], an eight-node hexahedron with
-//!   force, energy, exact tangent and bounds; [`ElementMaterial`].
+//!   force, energy, exact tangent and bounds; [`ElementMaterial`], with [`Relaxation`] by a Prony series.
 //! * One contact: [`unilateral_force`], the condition that a surface only pushes; [`Coulomb`], the same with friction, in
 //!   impulses.
 //! * The constraint problem: [`ConstraintRow`] and [`ConstraintLaw`]; [`solve_projected_gauss_seidel`];
@@ -95,6 +95,7 @@ mod patch_seed;
 mod patch_surface;
 mod pressure_points;
 mod proxy_solver;
+mod relaxation;
 mod series_compliance;
 mod singular_values;
 mod skin_law;
@@ -127,6 +128,7 @@ pub use patch_seed::{ActivePatch, ActivePatches, Seed};
 pub use patch_surface::{Neighbour, POINT_NODES, PatchSurface, SurfacePlace};
 pub use pressure_points::{PATCH_ROWS, PRESSURE_POINTS, PressurePoint};
 pub use proxy_solver::{ProxyState, solve_with_proxies, solve_with_proxy};
+pub use relaxation::{MAX_PRONY_TERMS, PronyTerm, Relaxation, RelaxedStress};
 pub use series_compliance::SeriesCompliance;
 pub use skin_law::SkinLaw;
 pub use spring::{Spring, SpringTangent};

@@ -10,7 +10,7 @@ use crate::joint_contact::BodyInStep;
 use crate::near_field_contact::{BodyContacts, NodeMotion};
 use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
-use palpate_laws::{ToolMove, VolumeBarrier};
+use palpate_laws::{RelaxedStress, ToolMove, VolumeBarrier};
 
 /// The state z = (δx_S, q) of a near field, and the buffers of its tick.
 #[derive(Clone, Debug)]
@@ -29,6 +29,8 @@ pub(crate) struct NearFieldState {
     ring_n: Vec<f64>,
     /// The nodes of S, then those of the ring.
     ends: Vec<NodeState>,
+    /// Relaxed stress of the near hexahedra, J.
+    relaxed: Vec<RelaxedStress>,
     /// Whether `internal_n` and `ring_n` belong to the current state.
     are_forces_current: bool,
     scratch: Vec<f64>,
@@ -56,6 +58,7 @@ impl NearFieldState {
             ring_v: still.clone(),
             ring_n: still,
             ends: vec![NodeState::default(); capacity.nodes + capacity.ring],
+            relaxed: vec![RelaxedStress::default(); capacity.hexahedra],
             are_forces_current: false,
             scratch: zero,
             contacts: BodyContacts::with_capacity(capacity),
@@ -70,6 +73,8 @@ impl NearFieldState {
         self.ring_dx.fill(0.0);
         self.ring_v.fill(0.0);
         self.are_forces_current = false;
+        let relaxed = field.hexahedron.iter().map(|element| element.relaxed).take(field.hexahedra);
+        self.relaxed.iter_mut().zip(relaxed).for_each(|(to, from)| *to = from);
         let s = 3 * field.nodes;
         multiply_ring_basis(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
         self.contacts.restart(field);
@@ -163,12 +168,12 @@ impl NearFieldState {
             };
             elastic += energy([o.1, a.1, b.1, c.1]) - energy([o.0, a.0, b.0, c.0]);
         }
-        for element in field.hexahedron.iter().take(field.hexahedra) {
+        for (element, relaxed) in field.hexahedron.iter().zip(&self.relaxed).take(field.hexahedra) {
             let place = |node: u16| placed(field, z, &self.ring_dx, node.into()).unwrap_or_default();
             let Some(shape) = field.shape.get(element.shape) else { continue };
             let corners = element.nodes.map(place);
-            elastic += shape.energy_j(&corners.map(|of| of.1), &element.material)
-                - shape.energy_j(&corners.map(|of| of.0), &element.material);
+            elastic += shape.energy_j(&corners.map(|of| of.1), &element.material, relaxed)
+                - shape.energy_j(&corners.map(|of| of.0), &element.material, &element.relaxed);
         }
         // −(F_far,N + B̃ q̇_N)ᵀ q + ½ qᵀ K̃ q: the damper forces at the model step are excluded.
         let (q, p) = (z.get(s..).unwrap_or_default(), field.order.max(1));
@@ -244,6 +249,25 @@ impl NearFieldState {
             let moved = self.ring_dx.iter_mut().zip(&self.ring_v).take(3 * field.ring);
             moved.for_each(|(dx, v)| *dx += h * v);
         }
+        self.relax(field, h);
+    }
+
+    /// Relaxes the stress of the near hexahedra over a substep of length `h`.
+    fn relax(&mut self, field: &NearField, h: f64) {
+        let Self { z, ring_dx, relaxed, .. } = self;
+        for (element, relaxed) in field.hexahedron.iter().zip(relaxed).take(field.hexahedra) {
+            let Some(shape) = field.shape.get(element.shape).filter(|_| element.material.relaxes()) else {
+                continue;
+            };
+            let place = |node: u16| match usize::from(node).checked_sub(field.nodes) {
+                None => {
+                    let node = usize::from(node);
+                    field.node_m.get(node).copied().unwrap_or_default() + vec3_at(z, node)
+                }
+                Some(i) => field.ring_m.get(i).copied().unwrap_or_default() + vec3_at(ring_dx, i),
+            };
+            shape.relax(&element.nodes.map(place), &element.material, relaxed, h);
+        }
     }
 
     /// Computes the forces of the near springs, elements and tetrahedra on S and on the ring, unless they are current.
@@ -251,7 +275,7 @@ impl NearFieldState {
         if std::mem::replace(&mut self.are_forces_current, true) {
             return;
         }
-        let Self { z, z_dot, ring_dx, ring_v, ends, internal_n, ring_n, .. } = self;
+        let Self { z, z_dot, ring_dx, ring_v, ends, internal_n, ring_n, relaxed, .. } = self;
         // Positions and velocities are computed once a node, not once a spring.
         let of_s = field.node_m.iter().zip(vectors(z)).zip(vectors(z_dot)).take(field.nodes);
         let of_ring = field.ring_m.iter().zip(vectors(ring_dx)).zip(vectors(ring_v)).take(field.ring);
@@ -276,10 +300,11 @@ impl NearFieldState {
                 b.force_n -= f;
             }
         }
-        for element in field.hexahedron.iter().take(field.hexahedra) {
+        for (element, relaxed) in field.hexahedron.iter().zip(&*relaxed).take(field.hexahedra) {
             let Some(shape) = field.shape.get(element.shape) else { continue };
             let corners = element.nodes.map(|node| ends.get(usize::from(node)).copied().unwrap_or_default());
-            let forces = shape.forces_n(&corners.map(|of| of.x), &corners.map(|of| of.v), &element.material);
+            let (x, v) = (corners.map(|of| of.x), corners.map(|of| of.v));
+            let forces = shape.forces_n(&x, &v, &element.material, relaxed);
             for (node, force) in element.nodes.iter().zip(forces) {
                 if let Some(end) = ends.get_mut(usize::from(*node)) {
                     end.force_n += force;

@@ -241,8 +241,10 @@ impl NearFieldBuilder {
             return Err(too_many("near hexahedra", near.len(), field.hexahedron.len()));
         }
         field.hexahedra = near.len();
-        for (i, element) in near.into_iter().map(|index| elements.get(index)).enumerate() {
-            for (node, force) in element.nodes.into_iter().zip(element.forces_n(x, v)) {
+        for (i, index) in near.into_iter().enumerate() {
+            let element = elements.get(index);
+            let relaxed = body.relaxed_stress_j().get(index).copied().unwrap_or_default();
+            for (node, force) in element.nodes.into_iter().zip(element.forces_n(x, v, &relaxed)) {
                 far_n[node] -= force;
             }
             let mut nodes = [0; 8];
@@ -260,7 +262,7 @@ impl NearFieldBuilder {
                 field.shape[shape] = *element.shape;
                 field.shapes += 1;
             }
-            field.hexahedron[i] = NearHexahedron { nodes, shape, material: *element.material };
+            field.hexahedron[i] = NearHexahedron { nodes, shape, material: *element.material, relaxed };
         }
         Ok(())
     }

@@ -5,6 +5,7 @@ mod bode;
 mod build;
 mod compressed;
 mod contact;
+mod elements;
 mod linear;
 mod presses;
 mod properties;

@@ -16,7 +16,7 @@ impl Body {
         Energy {
             kinetic_j: network.free().iter().map(kinetic).sum(),
             elastic_j: network.links().iter().map(elastic).sum::<f64>()
-                + network.hexahedra().energy_j(x)
+                + network.hexahedra().energy_j(x, self.relaxed_stress_j())
                 + network.barriers().energy_j(x),
             gravitational_j: self.gravitational_j(),
         }
@@ -141,6 +141,12 @@ impl EnergyLedger {
     /// Adds the work of closing gaps that existed before the step.
     pub(crate) fn add_gap_closing(mut self, work_j: f64) -> Self {
         self.work_in_j += work_j;
+        self
+    }
+
+    /// Adds the energy that the relaxation of stress dissipated in this step.
+    pub(crate) fn add_relaxation(mut self, dissipated_j: f64) -> Self {
+        self.damping_loss_j += dissipated_j;
         self
     }
 

@@ -2,6 +2,7 @@
 
 use super::Body;
 use crate::BodyError;
+use crate::hexahedra::relaxed_of;
 use crate::obstacle::Pose;
 use glam::{DMat3, DQuat, DVec3};
 
@@ -68,8 +69,9 @@ impl Body {
                 self.force[if link.a == node { link.b } else { link.a }] += tangent.stiffness * moved;
             }
             for &element in self.network.hexahedra().incident(node) {
+                let relaxed = relaxed_of(&self.relaxed, element);
                 let element = self.network.hexahedra().get(element);
-                let blocks = element.stiffness_n_per_m(&self.x, false);
+                let blocks = element.stiffness_n_per_m(&self.x, relaxed, false);
                 let column = element.nodes.iter().position(|other| *other == node);
                 for (row, &other) in element.nodes.iter().enumerate().filter(|(_, other)| **other != node) {
                     self.force[other] -= column.map_or(DMat3::ZERO, |column| blocks[row][column]) * moved;

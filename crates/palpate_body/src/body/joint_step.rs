@@ -255,6 +255,9 @@ fn advance_ticks(
     Ok(progress.into_iter().map(|of| of.report).collect())
 }
 
+/// Stress over the shear modulus that may still relax in a body at rest.
+const SETTLED_STRAIN: f64 = 1e-4;
+
 /// Advances by a substep of length `h`, at the given fractions of the advance. `span_of` holds a tick, the ticks from there that a step
 /// spans, and the fractions of these before and after the substep.
 fn step(
@@ -319,7 +322,10 @@ impl Body {
     /// Counts the time at rest after a span of `span_s`.
     fn note_motion(&mut self, span_s: f64) {
         let moving = self.network.free().iter().any(|&node| self.v[node].length() > QUIET_M_PER_S);
-        let moving = moving || self.fixed_target.is_some() || self.has_moving_obstacle(QUIET_M_PER_S);
+        let moving = moving
+            || self.to_relax > SETTLED_STRAIN
+            || self.fixed_target.is_some()
+            || self.has_moving_obstacle(QUIET_M_PER_S);
         let at_rest = !moving && self.active_cells.inverted_count(self.network.barriers(), &self.x) == 0;
         self.quiet_s = if at_rest { self.quiet_s + span_s.min(MAX_QUIET_CHECK_S) } else { 0.0 };
     }

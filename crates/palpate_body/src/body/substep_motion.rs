@@ -8,6 +8,7 @@ use crate::obstacle_step::ObstacleStep;
 use crate::tool::{Hold, TouchedPoint};
 use crate::{BodyError, Integrator};
 use glam::DVec3;
+use palpate_laws::RelaxedStress;
 use std::sync::Arc;
 
 impl Body {
@@ -32,7 +33,7 @@ impl Body {
         }
         let mut given = self.carry_fixed(along.1, h);
         spring_forces(&self.network, &self.x, &self.v, &mut self.force);
-        self.network.hexahedra().add_forces(&self.x, &self.v, &mut self.force);
+        self.network.hexahedra().add_forces((&self.x, &self.v, &self.relaxed), &mut self.force);
         self.active_cells.add_forces(self.network.barriers(), &self.x, &mut self.force);
         let driven = drive.map(|(node, _)| node);
         if let Some(node) = driven {
@@ -84,6 +85,7 @@ impl Body {
         }
         let v = closing.as_ref().map_or(&self.v, |closing| &closing.nodes);
         step.moving(&network).for_each(|node| self.x[node] += v[node] * h);
+        let relaxation_j = self.relax(h);
         if !step.obstacles.is_empty() {
             let closing = closing.as_ref().map(|closing| closing.obstacles.as_slice());
             self.end_obstacle_step(&step.obstacles, closing, h);
@@ -96,8 +98,25 @@ impl Body {
             }
             let touched = step.tools.iter().flat_map(|tool| &tool.contact.touched);
             let contact_j = touched.map(TouchedPoint::stored_j).sum();
-            self.ledger = Some(ledger.end_step(self, h, contact_j));
+            self.ledger = Some(ledger.add_relaxation(relaxation_j).end_step(self, h, contact_j));
         }
+    }
+
+    /// Relaxes the stress of the elements over a step of length `h`. Returns the energy that this dissipates, J; 0 without accounting.
+    fn relax(&mut self, h: f64) -> f64 {
+        if self.relaxed.is_empty() {
+            return 0.0;
+        }
+        let elements = self.network.hexahedra();
+        let energy = |relaxed: &[RelaxedStress]| {
+            self.ledger.as_ref().map_or(0.0, |_| elements.energy_j(&self.x, relaxed))
+        };
+        let before = energy(&self.relaxed);
+        let mut relaxed = std::mem::take(&mut self.relaxed);
+        let to_relax = elements.relax(&self.x, h, &mut relaxed);
+        let dissipated = before - energy(&relaxed);
+        (self.relaxed, self.to_relax) = (relaxed, to_relax);
+        dissipated
     }
 
     fn implicit_velocities(

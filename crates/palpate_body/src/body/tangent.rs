@@ -17,6 +17,6 @@ impl TangentPattern {
     /// # Panics
     /// If `body` or `tangent` belongs to another network.
     pub fn fill(&self, body: &Body, clamped: bool, tangent: &mut Tangent) {
-        self.fill_at(body.network(), body.positions_m(), (clamped, clamped), tangent);
+        self.fill_at(body.network_state(), (clamped, clamped), tangent);
     }
 }

@@ -176,9 +176,9 @@ impl Workspace {
         h: f64,
         clamped: bool,
     ) {
-        let NetworkState { network, x, v } = state;
+        let NetworkState { network, v, .. } = state;
         // With the exact tangent of a barrier, steps would become long along its negative curvature.
-        self.pattern.fill_at(network, x, (clamped, true), &mut self.tangent);
+        self.pattern.fill_at(state, (clamped, true), &mut self.tangent);
         let symbolic = self.pattern.symbolic();
         let (k, b) = (self.tangent.stiffness(), self.tangent.damping());
         let is_driven = |dof: usize| Some(dof / 3) == driven;

@@ -54,12 +54,12 @@ impl SemiImplicitEuler {
     /// Bounds in a state. Elements that need more than `max_substeps` there, but not at rest, need `max_substeps`: their forces are bounded.
     pub(crate) fn rates(&self, state: NetworkState<'_>) -> Rates {
         let rates = Rates::of_springs(state);
-        let NetworkState { network, v, .. } = state;
+        let NetworkState { network, .. } = state;
         let fits = |rates: Rates| self.needed(rates, 0.0) <= self.max_substeps as f64;
         if network.hexahedra().is_empty() || fits(rates) {
             return rates;
         }
-        let at_rest = Rates::of_springs(NetworkState { network, x: network.rest_m(), v });
+        let at_rest = Rates::of_springs(NetworkState { x: network.rest_m(), ..state });
         if !fits(at_rest) {
             return rates;
         }
@@ -106,7 +106,7 @@ impl SemiImplicitEuler {
 
 /// Bound over all volume barriers that act now or may act within `ahead_s`, 1/s².
 fn barrier_rate(state: NetworkState<'_>, ahead_s: f64) -> f64 {
-    let NetworkState { network, x, v } = state;
+    let NetworkState { network, x, v, .. } = state;
     crate::cells::rate_bound(network.barriers().all_tetrahedra(), network, (x, v), ahead_s)
 }
 

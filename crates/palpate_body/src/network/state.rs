@@ -2,6 +2,7 @@
 
 use super::Network;
 use glam::DVec3;
+use palpate_laws::RelaxedStress;
 
 /// A network with positions and velocities of its nodes.
 #[derive(Clone, Copy)]
@@ -11,4 +12,6 @@ pub(crate) struct NetworkState<'a> {
     pub(crate) x: &'a [DVec3],
     /// Velocity of every node, m/s.
     pub(crate) v: &'a [DVec3],
+    /// Relaxed stress of every element; empty where none relaxes.
+    pub(crate) relaxed: &'a [RelaxedStress],
 }

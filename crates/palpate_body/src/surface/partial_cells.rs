@@ -11,7 +11,7 @@ use crate::parallel;
 use crate::weights::add_weight;
 use crate::{Block, Link, Network, Tissue};
 use glam::{DMat3, DVec3};
-use palpate_laws::hexahedra_compliance;
+use palpate_laws::{RelaxedStress, hexahedra_compliance};
 use std::sync::OnceLock;
 
 /// Radius in cells beyond which nodes are held.
@@ -103,7 +103,7 @@ fn stiffness(network: &Network, unit_n_per_m: impl Fn(usize, usize) -> f64) -> V
         for &index in network.hexahedra().incident(node) {
             let element = network.hexahedra().get(index);
             let own = element.nodes.iter().position(|other| *other == node);
-            let of_element = element.stiffness_n_per_m(rest, false);
+            let of_element = element.stiffness_n_per_m(rest, &RelaxedStress::default(), false);
             for (column, &other) in element.nodes.iter().enumerate() {
                 let place = neighbours.iter().position(|neighbour| *neighbour == other);
                 if let (Some(own), Some(place)) = (own, place) {

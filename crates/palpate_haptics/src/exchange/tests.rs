@@ -181,7 +181,8 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         let mut of = || LameParameters { mu: n.next(), lambda: n.next() };
         let material = ElementMaterial { parameters_j: of(), viscous_js: of(), ..ElementMaterial::default() };
         let nodes = [0; 8].map(|_| n.size(7) as u16);
-        *element = NearHexahedron { nodes, shape: n.size(7), material };
+        let relaxed = [[n.next(); 6], [n.next(); 6], [n.next(); 6]];
+        *element = NearHexahedron { nodes, shape: n.size(7), material, relaxed };
     }
     for shape in shapes_at_rest {
         let size_m = DVec3::new(n.next(), n.next(), n.next());

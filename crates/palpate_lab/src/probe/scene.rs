@@ -34,6 +34,7 @@ impl Scene {
             poissons_ratio: probe.elements.poissons_ratio(),
             damping_ratio: probe.damping,
             law: probe.elements.law.into(),
+            ..Tissue::default()
         };
         let (network, surface) = match &probe.mesh {
             Some(path) => mesh(probe, path, tissue)?,

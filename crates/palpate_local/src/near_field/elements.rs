@@ -1,7 +1,7 @@
 //! The springs, volume barriers and elements of a near field, as plain data.
 
 use glam::DVec3;
-use palpate_laws::{ElementMaterial, Spring, VolumeBarrier};
+use palpate_laws::{ElementMaterial, RelaxedStress, Spring, VolumeBarrier};
 
 /// The end b of a near spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,4 +43,6 @@ pub struct NearHexahedron {
     pub shape: usize,
     /// Material.
     pub material: ElementMaterial,
+    /// Relaxed stress at the model step, times the volume, J.
+    pub relaxed: RelaxedStress,
 }

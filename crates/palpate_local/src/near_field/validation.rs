@@ -49,7 +49,12 @@ impl NearField {
             ("positions of S", self.node_m.get(..self.nodes).is_some_and(finite)),
             ("positions of the ring", self.ring_m.get(..self.ring).is_some_and(finite)),
             ("ends of near springs", springs.iter().all(|spring| end_is_finite(&spring.b))),
-            ("materials of near hexahedra", hexahedra.iter().all(|of| of.material.is_finite())),
+            (
+                "materials of near hexahedra",
+                hexahedra
+                    .iter()
+                    .all(|of| of.material.is_finite() && of.relaxed.iter().flatten().all(|h| h.is_finite())),
+            ),
             ("shapes of near hexahedra", shapes.iter().all(HexahedronShape::is_finite)),
             (
                 "weights of the surface",

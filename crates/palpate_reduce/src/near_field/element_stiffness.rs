@@ -39,7 +39,8 @@ pub(crate) fn over_state(field: &NearField, clamped: bool) -> Option<OverState> 
     for element in &field.hexahedron[..field.hexahedra] {
         let (shape, nodes) = (&field.shape[element.shape], element.nodes.map(usize::from));
         let corners = nodes.map(|node| x[node]);
-        let mut of = vec![(&mut k, shape.stiffness_n_per_m(&corners, &element.material, clamped))];
+        let mut of =
+            vec![(&mut k, shape.stiffness_n_per_m(&corners, &element.material, &element.relaxed, clamped))];
         if let Some(b) = b.as_mut().filter(|_| element.material.is_damped()) {
             of.push((b, shape.damping_ns_per_m(&corners, &element.material)));
         }
