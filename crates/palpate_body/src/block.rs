@@ -52,6 +52,8 @@ pub struct UniformLattice {
 pub(crate) struct LatticeMaterial<'a> {
     /// Mass of every node, kg.
     pub(crate) mass_kg: Vec<f64>,
+    /// Coefficient of the drag on every node, N s/m.
+    pub(crate) drag_ns_per_m: Vec<f64>,
     /// Young's modulus at every node, Pa.
     pub(crate) youngs_modulus_pa: Vec<f64>,
     /// Stiffness, N/m, and damping, N s/m, of the spring from node (i, j, k) in the direction of a step, for the masses of its ends, kg.
@@ -191,6 +193,7 @@ impl Block {
         let modulus = k * squares / (6.0 * cell.element_product());
         let material = LatticeMaterial {
             mass_kg: vec![m; self.node_total()],
+            drag_ns_per_m: vec![0.0; self.node_total()],
             youngs_modulus_pa: vec![modulus; self.node_total()],
             spring: &|_, _, _| (k, ratio * (k * m).sqrt()),
             lips: LipShares::HALVES,
@@ -208,7 +211,8 @@ impl Block {
         material: LatticeMaterial<'_>,
         change: impl FnOnce(Grid) -> Grid,
     ) -> Result<BlockBody, BodyError> {
-        let LatticeMaterial { mut mass_kg, mut youngs_modulus_pa, spring, lips } = material;
+        let LatticeMaterial { mut mass_kg, mut drag_ns_per_m, mut youngs_modulus_pa, spring, lips } =
+            material;
         let mut rest_m: Vec<DVec3> = self.grid().map(|ijk| self.rest(ijk)).collect();
         let mut links = Vec::with_capacity(13 * rest_m.len());
         for ijk in self.grid() {
@@ -228,13 +232,14 @@ impl Block {
         let mut cells = self.cells();
         if let Some(slit) = self.slit {
             let (rest_m, mass_kg, fixed) = (&mut rest_m, &mut mass_kg, &mut fixed);
-            let youngs_modulus_pa = &mut youngs_modulus_pa;
+            let (drag_ns_per_m, youngs_modulus_pa) = (&mut drag_ns_per_m, &mut youngs_modulus_pa);
             slit::cut(
                 slit,
                 (self.nodes, self.cell_m()),
                 &mut slit::Pieces {
                     rest_m,
                     mass_kg,
+                    drag_ns_per_m,
                     youngs_modulus_pa,
                     lips,
                     fixed,
@@ -244,7 +249,8 @@ impl Block {
                 },
             )?;
         }
-        let network = NetworkBuilder::of(rest_m, mass_kg, fixed, links).with_cells(cells);
+        let network = NetworkBuilder::of(rest_m, mass_kg, fixed, links);
+        let network = network.with_drag(drag_ns_per_m).with_cells(cells);
         let network = if self.allow_free { network.allow_unconstrained() } else { network }.build()?;
         let grid = Grid::new(self.cell_m().element_product().cbrt(), youngs_modulus_pa);
         Ok(BlockBody { network: network.with_grid(change(grid)), surface })

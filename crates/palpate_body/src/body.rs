@@ -427,7 +427,7 @@ impl Body {
         Ok(())
     }
 
-    /// Writes the internal force (springs, dampers, elements and volume barriers) on every node to `force_n`, N.
+    /// Writes the internal force (springs, dampers, elements and volume barriers) with the drag on every node to `force_n`, N.
     ///
     /// # Panics
     /// If `force_n` does not have one entry for each node.
@@ -435,6 +435,7 @@ impl Body {
         assert_eq!(force_n.len(), self.x.len(), "one force for each node");
         spring_forces(&self.network, &self.x, &self.v, force_n);
         self.network.hexahedra().add_forces((&self.x, &self.v, &self.relaxed), force_n);
+        self.network.add_drag(&self.v, force_n);
         self.network.barriers().add_all_forces(&self.x, force_n);
     }
 
@@ -448,6 +449,7 @@ impl Body {
             sum += if link.a == node { f } else { -f };
         }
         sum += self.network.hexahedra().force_on_n((&self.x, &self.v, &self.relaxed), node);
+        sum -= self.network.drag_ns_per_m().get(node).copied().unwrap_or_default() * self.v[node];
         match self.network.barriers().force_on_n(&self.x, node) {
             Some(force) => sum + force,
             None => sum,

@@ -12,6 +12,7 @@ mod material;
 pub(crate) use embedding::Embedding;
 pub use kept_cells::MeshCells;
 
+use crate::cell_tissue::CellTissue;
 use crate::touch_surface::TouchSurface;
 use crate::{
     BodyError, CellSize, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface,
@@ -291,7 +292,7 @@ impl<'a> CellLattice<'a> {
         self.body(tissue, |cells, means, rest_m, fixed| {
             let made = material::springs(cells, means, rest_m)?;
             let network = NetworkBuilder::of(rest_m.to_vec(), made.mass_kg, fixed, made.links);
-            Ok(network.with_cells(cells.embedding.cells().to_vec()))
+            Ok(network.with_drag(made.drag_ns_per_m).with_cells(cells.embedding.cells().to_vec()))
         })
     }
 
@@ -304,7 +305,7 @@ impl<'a> CellLattice<'a> {
         self.body(tissue, |cells, means, rest_m, fixed| {
             let mut network = NetworkBuilder::of(rest_m.to_vec(), vec![0.0; rest_m.len()], fixed, Vec::new());
             for ((nodes, share), mean) in cells.embedding.cells().iter().zip(cells.share).zip(means) {
-                network.hexahedron(*nodes, mean, *share);
+                network.cell(*nodes, mean, *share);
             }
             Ok(network)
         })
@@ -314,7 +315,12 @@ impl<'a> CellLattice<'a> {
     fn body(
         &self,
         tissue: &Tissue,
-        build: impl FnOnce(&FilledCells<'_>, &[Tissue], &[DVec3], Vec<bool>) -> Result<NetworkBuilder, BodyError>,
+        build: impl FnOnce(
+            &FilledCells<'_>,
+            &[CellTissue],
+            &[DVec3],
+            Vec<bool>,
+        ) -> Result<NetworkBuilder, BodyError>,
     ) -> Result<MeshBody, BodyError> {
         tissue.validate()?;
         self.regions.iter().try_for_each(|(_, other)| other.validate())?;

@@ -1,11 +1,56 @@
 //! Tissue of the cells of a lattice with regions of other tissue.
 
+use crate::damping::DampingCoefficients;
 use crate::{BodyError, MeshError, Region, Tissue};
 use glam::DVec3;
-use palpate_laws::LameParameters;
+use palpate_laws::{ElasticLaw, ElementMaterial, LameParameters, Relaxation};
 
 /// Number of samples of the tissue along each side of a cell.
 const SAMPLES: usize = 4;
+
+/// Tissue of a cell, which may be a mixture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CellTissue {
+    pub(crate) youngs_modulus_pa: f64,
+    pub(crate) poissons_ratio: f64,
+    pub(crate) density_kg_per_m3: f64,
+    pub(crate) damping: DampingCoefficients,
+    pub(crate) law: ElasticLaw,
+    pub(crate) relaxation: Relaxation,
+}
+
+/// β of elements by the size, the density and Young's modulus, for a damping ratio of 1: √(15/8).
+const ELEMENT_DAMPING: f64 = 1.369_306_393_762_915_4;
+
+impl CellTissue {
+    /// The tissue of a cell of one tissue.
+    pub(crate) fn of(tissue: &Tissue) -> Self {
+        let Tissue { youngs_modulus_pa, poissons_ratio, density_kg_per_m3, damping, law, relaxation } =
+            *tissue;
+        let damping = damping.coefficients();
+        Self { youngs_modulus_pa, poissons_ratio, density_kg_per_m3, damping, law, relaxation }
+    }
+
+    /// Material of an element of `volume_m3`, of which the share `fill` is filled.
+    pub(crate) fn element_material(&self, volume_m3: f64, fill: f64) -> Result<ElementMaterial, BodyError> {
+        let parameters_pa = LameParameters::new(self.youngs_modulus_pa, self.poissons_ratio)?;
+        let DampingCoefficients { ratio, shear_s, stiffness_s, .. } = self.damping;
+        let size_over_speed_s = volume_m3.cbrt() * (self.density_kg_per_m3 / self.youngs_modulus_pa).sqrt();
+        let shear_s = shear_s + ELEMENT_DAMPING * ratio * size_over_speed_s;
+        let parameters_j = parameters_pa.scaled(volume_m3 * fill);
+        let LameParameters { mu, lambda } = parameters_j;
+        let viscous_js = LameParameters {
+            mu: (shear_s + stiffness_s) * mu,
+            lambda: shear_s * lambda.min(mu) + stiffness_s * lambda,
+        };
+        Ok(ElementMaterial { law: self.law, parameters_j, viscous_js, relaxation: self.relaxation })
+    }
+
+    /// Coefficient of the drag on a part of `mass_kg`, N s/m.
+    pub(crate) fn drag_ns_per_m(&self, mass_kg: f64) -> f64 {
+        self.damping.mass_per_s * mass_kg
+    }
+}
 
 /// Mean tissue of each cell over those of 4 × 4 × 4 samples that are inside the body, or over all if none is. The last region that contains
 /// a sample applies.
@@ -19,11 +64,11 @@ pub(crate) fn cell_tissues(
     tissue: &Tissue,
     regions: &[(Region, Tissue)],
     cell_m: f64,
-) -> Result<Vec<Tissue>, BodyError> {
+) -> Result<Vec<CellTissue>, BodyError> {
     let mut held = vec![false; regions.len()];
     let mean = |(cell, place): (usize, [usize; 3])| {
         if regions.is_empty() {
-            return *tissue;
+            return CellTissue::of(tissue);
         }
         let at_sample = |sample: [usize; 3]| {
             let within = DVec3::from_array(sample.map(|s| (s as f64 + 0.5) / SAMPLES as f64));
@@ -55,24 +100,26 @@ pub(crate) fn cell_tissues(
     }
 }
 
-/// Mean of tissues with weights. Elastic moduli are averaged, as for a common strain; the law is that of the greatest weight.
-fn mean_tissue<'a>(parts: impl Iterator<Item = (&'a Tissue, f64)> + Clone) -> Tissue {
+/// Mean of tissues with weights. Elastic moduli are averaged, as for a common strain; law and relaxation are those of the greatest weight.
+fn mean_tissue<'a>(parts: impl Iterator<Item = (&'a Tissue, f64)> + Clone) -> CellTissue {
     let total: f64 = parts.clone().map(|(_, weight)| weight).sum();
     let mean =
         |value: fn(&Tissue) -> f64| parts.clone().map(|(of, weight)| weight / total * value(of)).sum::<f64>();
     let mut heaviest = (Tissue::default(), 0.0);
     let mut is_one_ratio = true;
+    let mut damping = DampingCoefficients::default();
     for (of, weight) in parts.clone() {
         is_one_ratio &= heaviest.1 == 0.0 || of.poissons_ratio == heaviest.0.poissons_ratio;
+        damping = damping.plus(weight / total, &of.damping.coefficients());
         if weight > heaviest.1 {
             heaviest = (*of, weight);
         }
     }
-    let mut tissue = Tissue {
+    let mut tissue = CellTissue {
         youngs_modulus_pa: mean(|of| of.youngs_modulus_pa),
         density_kg_per_m3: mean(|of| of.density_kg_per_m3),
-        damping_ratio: mean(|of| of.damping_ratio),
-        ..heaviest.0
+        damping,
+        ..CellTissue::of(&heaviest.0)
     };
     if !is_one_ratio {
         // The tissues have been validated.

@@ -19,6 +19,7 @@ use std::collections::HashMap;
 struct NetworkParts {
     rest_m: Vec<DVec3>,
     mass_kg: Vec<f64>,
+    drag_ns_per_m: Vec<f64>,
     fixed: Vec<bool>,
     links: Vec<Link>,
     /// Nodes of each hexahedral cell of springs.
@@ -32,6 +33,8 @@ struct NetworkParts {
 pub struct Network {
     rest_m: Vec<DVec3>,
     mass_kg: Vec<f64>,
+    /// Drag of each node; empty where no node has drag.
+    drag_ns_per_m: Vec<f64>,
     fixed: Vec<bool>,
     links: Vec<Link>,
     free: Vec<usize>,
@@ -61,13 +64,35 @@ impl Network {
         links: Vec<Link>,
     ) -> Result<Self, BodyError> {
         let (cells, hexahedra) = (Vec::new(), Hexahedra::default());
-        Self::assemble(NetworkParts { rest_m, mass_kg, fixed, links, cells, hexahedra, allow_free: false })
+        let (drag_ns_per_m, allow_free) = (Vec::new(), false);
+        Self::assemble(NetworkParts {
+            rest_m,
+            mass_kg,
+            drag_ns_per_m,
+            fixed,
+            links,
+            cells,
+            hexahedra,
+            allow_free,
+        })
     }
 
     fn assemble(parts: NetworkParts) -> Result<Self, BodyError> {
-        let NetworkParts { rest_m, mass_kg, fixed, links, cells, mut hexahedra, allow_free } = parts;
+        let NetworkParts {
+            rest_m,
+            mass_kg,
+            mut drag_ns_per_m,
+            fixed,
+            links,
+            cells,
+            mut hexahedra,
+            allow_free,
+        } = parts;
         validate_nodes(&rest_m, &mass_kg, &fixed)?;
         validate_links(&links, &rest_m)?;
+        if drag_ns_per_m.iter().all(|drag| *drag == 0.0) {
+            drag_ns_per_m = Vec::new();
+        }
         let free: Vec<usize> = (0..rest_m.len()).filter(|&i| !fixed[i]).collect();
         let mut free_index = vec![None; rest_m.len()];
         for (index, &node) in free.iter().enumerate() {
@@ -83,6 +108,7 @@ impl Network {
         let network = Self {
             rest_m,
             mass_kg,
+            drag_ns_per_m,
             fixed,
             links,
             free,
@@ -175,6 +201,20 @@ impl Network {
     #[must_use]
     pub fn mass_kg(&self) -> &[f64] {
         &self.mass_kg
+    }
+
+    /// Drag of every node, N s/m: the force on it is this times its velocity relative to the world, opposed to it. Empty where no node has
+    /// drag.
+    #[must_use]
+    pub fn drag_ns_per_m(&self) -> &[f64] {
+        &self.drag_ns_per_m
+    }
+
+    /// Adds the drag on all nodes, N.
+    pub(crate) fn add_drag(&self, v: &[DVec3], force: &mut [DVec3]) {
+        for ((force, v), drag) in force.iter_mut().zip(v).zip(&self.drag_ns_per_m) {
+            *force -= *drag * *v;
+        }
     }
 
     /// Whether node `node` is fixed.

@@ -4,7 +4,7 @@ use crate::hexahedra::relaxed_of;
 use crate::network::NetworkState;
 use crate::{Hexahedron, Network};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
-use glam::DMat3;
+use glam::{DMat3, DVec3};
 use palpate_laws::HexahedronBlocks;
 
 /// Sparsity pattern of a network's tangent. It is computed once, since the links and elements of a body never change. Degree of
@@ -159,6 +159,12 @@ impl TangentPattern {
             add(&stiffness, &mut tangent.stiffness);
             if let Some(blocks) = element.damping_ns_per_m(x) {
                 add(&blocks, &mut tangent.damping);
+            }
+        }
+        for (column, &node) in network.free().iter().enumerate() {
+            let Some(drag) = network.drag_ns_per_m().get(node) else { break };
+            if let Some(slot) = Slot::of(&self.symbolic, column, column) {
+                slot.add(DMat3::from_diagonal(DVec3::splat(*drag)), &mut tangent.damping);
             }
         }
         for tetrahedron in network.barriers().active_tetrahedra(x) {

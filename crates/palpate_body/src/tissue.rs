@@ -1,11 +1,11 @@
 //! From the material parameters of a tissue to the springs of a lattice.
 
-use crate::BodyError;
-use crate::error::{check, check_damping_ratio, check_positive};
+use crate::error::{check, check_positive};
+use crate::{BodyError, Damping};
 use glam::DVec3;
-use palpate_laws::{ElasticLaw, ElementMaterial, LameParameters, Relaxation};
+use palpate_laws::{ElasticLaw, LameParameters, Relaxation};
 
-/// A homogeneous isotropic tissue, represented by a lattice of springs.
+/// A homogeneous isotropic tissue, represented by a lattice of springs or by elements.
 ///
 /// # From Young's modulus to springs
 ///
@@ -32,12 +32,8 @@ pub struct Tissue {
     pub poissons_ratio: f64,
     /// Density ρ, kg/m³.
     pub density_kg_per_m3: f64,
-    /// Damping ratio ζ. The damper parallel to a spring k between the masses m_a and m_b is ζ √(k · 2 m_a m_b/(m_a + m_b)).
-    ///
-    /// Elements of size h have the stiffness-proportional damping β = ζ √(15/8) h √(ρ/E), that of the springs along the sides of a lattice of
-    /// the same cells. Its part in λ is at most that in μ: the volume of nearly incompressible tissue would be damped so strongly that explicit
-    /// steps become short.
-    pub damping_ratio: f64,
+    /// Damping.
+    pub damping: Damping,
     /// Elastic law of elements.
     pub law: ElasticLaw,
     /// Stress relaxation of elements. Young's modulus and Poisson's ratio are those of fast loading.
@@ -51,9 +47,6 @@ impl Default for Tissue {
     }
 }
 
-/// β of elements by the size, the density and Young's modulus, for a damping ratio of 1: √(15/8).
-const ELEMENT_DAMPING: f64 = 1.369_306_393_762_915_4;
-
 impl Tissue {
     /// A soft, nearly incompressible tissue with the density of water: 20 kPa, Poisson's ratio 0.45, 1000 kg/m³, damping ratio 0.5,
     /// neo-Hookean.
@@ -61,7 +54,7 @@ impl Tissue {
         youngs_modulus_pa: 20e3,
         poissons_ratio: 0.45,
         density_kg_per_m3: 1000.0,
-        damping_ratio: 0.5,
+        damping: Damping::Ratio(0.5),
         law: ElasticLaw::NeoHookean,
         relaxation: Relaxation::NONE,
     };
@@ -72,18 +65,7 @@ impl Tissue {
         check_positive("Young's modulus, Pa", self.youngs_modulus_pa)?;
         let (ratio, most) = (self.poissons_ratio, LameParameters::MAX_POISSONS_RATIO);
         check("Poisson's ratio", ratio, (0.0..=most).contains(&ratio), "0 to 0.49")?;
-        check_damping_ratio(self.damping_ratio).map(drop)
-    }
-
-    /// Material of an element of `volume_m3`, of which the share `fill` is filled.
-    pub(crate) fn element_material(&self, volume_m3: f64, fill: f64) -> Result<ElementMaterial, BodyError> {
-        let parameters_pa = LameParameters::new(self.youngs_modulus_pa, self.poissons_ratio)?;
-        let size_over_speed_s = volume_m3.cbrt() * (self.density_kg_per_m3 / self.youngs_modulus_pa).sqrt();
-        let damping_s = ELEMENT_DAMPING * self.damping_ratio * size_over_speed_s;
-        let parameters_j = parameters_pa.scaled(volume_m3 * fill);
-        let LameParameters { mu, lambda } = parameters_j.scaled(damping_s);
-        let viscous_js = LameParameters { mu, lambda: lambda.min(mu) };
-        Ok(ElementMaterial { law: self.law, parameters_j, viscous_js, relaxation: self.relaxation })
+        self.damping.validate()
     }
 }
 
@@ -226,6 +208,6 @@ mod tests {
             assert!(block.tissue(&Tissue { youngs_modulus_pa: bad, ..Tissue::default() }).is_err());
             assert!(block.tissue(&Tissue { density_kg_per_m3: bad, ..Tissue::default() }).is_err());
         }
-        assert!(block.tissue(&Tissue { damping_ratio: -0.1, ..Tissue::default() }).is_err());
+        assert!(block.tissue(&Tissue { damping: Damping::Ratio(-0.1), ..Tissue::default() }).is_err());
     }
 }

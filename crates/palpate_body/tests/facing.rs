@@ -12,8 +12,12 @@ fn block(nodes: [usize; 3], is_tissue: bool) -> (Network, Surface) {
     let size = DVec3::from_array(nodes.map(|n| 0.02 * (n - 1) as f64));
     let block = Block::new(nodes, size).unwrap().fix(Face::NegZ);
     let lattice = UniformLattice { stiffness_n_per_m: 100.0, damping_ratio: 0.7, mass_kg: 1.0 };
-    let tissue =
-        Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5, ..Tissue::SOFT };
+    let tissue = Tissue {
+        youngs_modulus_pa: 20e3,
+        density_kg_per_m3: 1000.0,
+        damping: Damping::Ratio(0.5),
+        ..Tissue::SOFT
+    };
     let made = if is_tissue { block.tissue(&tissue) } else { block.uniform(&lattice) }.unwrap();
     (made.network, made.surface)
 }

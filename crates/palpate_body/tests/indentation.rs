@@ -14,7 +14,7 @@ fn layer(n: usize) -> Body {
     let across = (WIDTH * n as f64) as usize;
     let size = DVec3::new(WIDTH * H, WIDTH * H, H);
     let block = Block::new([across + 1, across + 1, n + 1], size).unwrap().fix(Face::NegZ);
-    let tissue = Tissue { youngs_modulus_pa: E_PA, damping_ratio: 0.5, ..Tissue::default() };
+    let tissue = Tissue { youngs_modulus_pa: E_PA, damping: Damping::Ratio(0.5), ..Tissue::default() };
     let made = block.tissue(&tissue).unwrap();
     Body::new(made.network, made.surface).unwrap()
 }
@@ -91,7 +91,7 @@ fn wider_layer_gives_the_same_force() {
         let across = (width * f64::from(cells)) as usize;
         let size = DVec3::new(width * H, width * H, H);
         let block = Block::new([across + 1, across + 1, cells as usize + 1], size).unwrap().fix(Face::NegZ);
-        let tissue = Tissue { youngs_modulus_pa: E_PA, damping_ratio: 0.5, ..Tissue::default() };
+        let tissue = Tissue { youngs_modulus_pa: E_PA, damping: Damping::Ratio(0.5), ..Tissue::default() };
         let made = block.tissue(&tissue).unwrap();
         let mut body = Body::new(made.network, made.surface).unwrap();
         let mut tool =

@@ -16,7 +16,7 @@ fn implicit() -> Integrator {
 /// A block on its fixed bottom, which is in z = 0.
 fn block() -> Body {
     let block = Block::new([4; 3], DVec3::splat(0.06)).unwrap().centered_at(DVec3::Z * 0.03).unwrap();
-    let tissue = Tissue { youngs_modulus_pa: 20e3, damping_ratio: 0.7, ..Tissue::default() };
+    let tissue = Tissue { youngs_modulus_pa: 20e3, damping: Damping::Ratio(0.7), ..Tissue::default() };
     let made = block.fix(Face::NegZ).tissue(&tissue).unwrap();
     Body::new(made.network, made.surface).unwrap()
 }

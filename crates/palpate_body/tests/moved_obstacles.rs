@@ -30,7 +30,7 @@ fn point(at: DVec3, m: f64) -> Body {
 fn cube(n: usize, edge: f64) -> Body {
     let block = Block::new([n; 3], DVec3::splat(edge)).unwrap();
     let block = block.centered_at(DVec3::Z * 0.5 * edge).unwrap().allow_unconstrained();
-    let tissue = Tissue { youngs_modulus_pa: 20e3, damping_ratio: 0.5, ..Tissue::default() };
+    let tissue = Tissue { youngs_modulus_pa: 20e3, damping: Damping::Ratio(0.5), ..Tissue::default() };
     let made = block.tissue(&tissue).unwrap();
     Body::new(made.network, made.surface).unwrap()
 }

@@ -28,7 +28,7 @@ fn cube(n: usize, edge: f64, height: f64) -> Body {
     let center = DVec3::Z * (0.5 * edge + height);
     let block =
         Block::new([n; 3], DVec3::splat(edge)).unwrap().centered_at(center).unwrap().allow_unconstrained();
-    let tissue = Tissue { youngs_modulus_pa: 20e3, damping_ratio: 0.5, ..Tissue::default() };
+    let tissue = Tissue { youngs_modulus_pa: 20e3, damping: Damping::Ratio(0.5), ..Tissue::default() };
     body(block.tissue(&tissue).unwrap().network)
 }
 

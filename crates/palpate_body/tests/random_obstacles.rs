@@ -41,7 +41,7 @@ fn shape(kind: usize, friction: f64) -> Obstacle {
 fn cube(held: bool) -> Body {
     let block = Block::new([4; 3], DVec3::splat(0.03)).unwrap().centered_at(DVec3::Z * 0.015).unwrap();
     let block = if held { block.fix(Face::NegZ) } else { block.allow_unconstrained() };
-    let tissue = Tissue { youngs_modulus_pa: 20e3, damping_ratio: 0.5, ..Tissue::default() };
+    let tissue = Tissue { youngs_modulus_pa: 20e3, damping: Damping::Ratio(0.5), ..Tissue::default() };
     let made = block.tissue(&tissue).unwrap();
     let mut body = Body::new(made.network, made.surface).unwrap();
     body.set_gravity(DVec3::Z * -G).unwrap();

@@ -13,7 +13,7 @@ fn explicit() -> Integrator {
 fn cube(n: usize, edge: f64, modulus_pa: f64) -> Body {
     let block = Block::new([n; 3], DVec3::splat(edge)).unwrap();
     let block = block.centered_at(DVec3::Z * 0.5 * edge).unwrap().allow_unconstrained();
-    let tissue = Tissue { youngs_modulus_pa: modulus_pa, damping_ratio: 0.8, ..Tissue::default() };
+    let tissue = Tissue { youngs_modulus_pa: modulus_pa, damping: Damping::Ratio(0.8), ..Tissue::default() };
     let made = block.tissue(&tissue).unwrap();
     let mut body = Body::new(made.network, made.surface).unwrap();
     body.set_gravity(DVec3::Z * -G).unwrap();
@@ -267,7 +267,7 @@ fn body_of_a_mesh_rests_on_its_surface_and_converges() {
     let half = DVec3::new(0.05, 0.043, 0.04);
     let (corners, triangles) = box_mesh(half);
     let mesh = ClosedMesh::new(corners, triangles).unwrap();
-    let tissue = Tissue { youngs_modulus_pa: 20e3, damping_ratio: 0.8, ..Tissue::default() };
+    let tissue = Tissue { youngs_modulus_pa: 20e3, damping: Damping::Ratio(0.8), ..Tissue::default() };
     let made =
         CellLattice::fit(&mesh, CellSize::Along(7)).unwrap().allow_unconstrained().tissue(&tissue).unwrap();
     let network = made.network.placed(DQuat::IDENTITY, DVec3::Z * 0.0405).unwrap();

@@ -19,7 +19,7 @@ fn implicit(ticks: usize) -> Integrator {
 fn block(n: usize, edge: f64, modulus_pa: f64, held: bool) -> Body {
     let block = Block::new([n; 3], DVec3::splat(edge)).unwrap().centered_at(DVec3::Z * -0.5 * edge).unwrap();
     let block = if held { block.fix(Face::NegZ) } else { block.allow_unconstrained() };
-    let tissue = Tissue { youngs_modulus_pa: modulus_pa, damping_ratio: 0.5, ..Tissue::default() };
+    let tissue = Tissue { youngs_modulus_pa: modulus_pa, damping: Damping::Ratio(0.5), ..Tissue::default() };
     let made = block.tissue(&tissue).unwrap();
     Body::new(made.network, made.surface).unwrap()
 }

@@ -3,6 +3,7 @@
 mod closest;
 mod coupled_obstacles;
 mod coupling;
+mod damping;
 mod elasticity;
 mod elements;
 mod facing;

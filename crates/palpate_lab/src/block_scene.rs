@@ -4,7 +4,7 @@ use crate::element_options::BlockMaterial;
 use crate::error::LabError;
 use clap::ValueEnum;
 use glam::DVec3;
-use palpate_body::{Block, Body, Face, Tissue, ToolContact, ToolShape, UniformLattice};
+use palpate_body::{Block, Body, Damping, Face, Tissue, ToolContact, ToolShape, UniformLattice};
 use std::f64::consts::TAU;
 
 /// Coefficient of friction of a tool that touches.
@@ -74,7 +74,7 @@ impl BlockScene {
                 youngs_modulus_pa: springs.network.grid().map_or(0.0, |grid| grid.youngs_modulus_pa()[node]),
                 poissons_ratio,
                 density_kg_per_m3: self.mass_kg / self.edge_m.powi(3),
-                damping_ratio: self.damping_ratio,
+                damping: Damping::Ratio(self.damping_ratio),
                 law,
                 ..Tissue::default()
             })?,

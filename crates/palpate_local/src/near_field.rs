@@ -100,6 +100,8 @@ pub struct NearField {
     pub node_m: Vec<DVec3>,
     /// Inverse masses of S, 1/kg; 0 for a fixed node.
     pub node_per_kg: Vec<f64>,
+    /// Drag on the nodes of S, N s/m: the force on a node is this times its velocity, opposed to it.
+    pub drag_ns_per_m: Vec<f64>,
     /// Positions of the ring at the model step, m.
     pub ring_m: Vec<DVec3>,
     /// The 3 × `ring` rows of V of the ring nodes, stored by columns.
@@ -177,6 +179,7 @@ impl NearField {
             weight: zeros(nodes),
             node_m: vec![DVec3::ZERO; nodes],
             node_per_kg: zeros(nodes),
+            drag_ns_per_m: zeros(nodes),
             ring_m: vec![DVec3::ZERO; ring],
             basis: zeros(3 * ring * order),
             near: vec![
@@ -282,7 +285,7 @@ impl NearField {
     }
 
     /// The lists of numbers with their names and the number of entries in use.
-    fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 11] {
+    fn parts(&self) -> [(&'static str, &Vec<f64>, usize); 12] {
         let (s, p, n) = (self.nodes, self.order, self.unknowns());
         // Explicit ticks do not use the matrices of implicit ones.
         let implicit = if self.integrator.is_implicit() { n } else { 0 };
@@ -290,6 +293,7 @@ impl NearField {
         [
             ("weights", &self.weight, s),
             ("inverse masses", &self.node_per_kg, s),
+            ("drag", &self.drag_ns_per_m, s),
             ("basis", &self.basis, 3 * self.ring * p),
             ("far stiffness", &self.stiffness, p * p),
             ("far damping", &self.damping, p * p),
@@ -331,6 +335,7 @@ impl NearField {
         let targets = [
             &mut self.weight,
             &mut self.node_per_kg,
+            &mut self.drag_ns_per_m,
             &mut self.basis,
             &mut self.stiffness,
             &mut self.damping,

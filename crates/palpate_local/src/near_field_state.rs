@@ -21,7 +21,7 @@ pub(crate) struct NearFieldState {
     z_dot: Vec<f64>,
     /// Forces on S, N, then the generalised forces on q.
     force: Vec<f64>,
-    /// Internal force on each node of S, N: springs, dampers, elements and volume barriers.
+    /// Internal force on each node of S, N: springs, dampers, elements, volume barriers and drag.
     internal_n: Vec<DVec3>,
     /// Displacements and velocities of the ring, and the forces of near springs, elements and tetrahedra on it, three numbers a node.
     ring_dx: Vec<f64>,
@@ -312,7 +312,8 @@ impl NearFieldState {
             }
         }
         let (of_s, of_ring) = ends.split_at(field.nodes.min(ends.len()));
-        internal_n.iter_mut().zip(of_s).for_each(|(to, end)| *to = end.force_n);
+        let with_drag = internal_n.iter_mut().zip(of_s).zip(&field.drag_ns_per_m);
+        with_drag.for_each(|((to, end), drag)| *to = end.force_n - *drag * end.v);
         let of_ring = ring_n.as_chunks_mut::<3>().0.iter_mut().zip(of_ring).take(field.ring);
         of_ring.for_each(|(to, end)| *to = end.force_n.to_array());
         self.add_barrier_forces(field);

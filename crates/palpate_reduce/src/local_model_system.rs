@@ -72,6 +72,9 @@ fn matrices(field: &NearField) -> (Mat<f64>, Mat<f64>) {
     let far =
         |m: &[f64]| Mat::from_fn(n, n, |i, j| if i < s || j < s { 0.0 } else { m[(i - s) * p + j - s] });
     let (mut k, mut b) = (far(&field.stiffness), far(&field.damping));
+    for dof in 0..s {
+        b[(dof, dof)] += field.drag_ns_per_m[dof / 3];
+    }
     for near in &field.near[..field.springs] {
         // The change of the vector from a to b is G z.
         let mut g = Mat::<f64>::zeros(3, n);

@@ -139,7 +139,7 @@ impl NearFieldBuilder {
             },
         );
         write_other(input, basis, &self.roles, field);
-        if body.network().hexahedra().is_empty() {
+        if network.hexahedra().is_empty() && network.drag_ns_per_m().is_empty() {
             let far = (&is_near[..], &far_tetrahedra[..]);
             basis.congruence(body, far, is_clamped, &mut field.stiffness, &mut field.damping);
         } else {
@@ -178,6 +178,7 @@ impl NearFieldBuilder {
             field.node_m[i] = x[node];
             let is_free = !(network.is_fixed(node) || is_held(node));
             field.node_per_kg[i] = if is_free { 1.0 / network.mass_kg()[node] } else { 0.0 };
+            field.drag_ns_per_m[i] = network.drag_ns_per_m().get(node).copied().unwrap_or_default();
             field.force[3 * i..3 * i + 3].copy_from_slice(&far_field.external_n()[node].to_array());
             field.velocity[3 * i..3 * i + 3].copy_from_slice(&v[node].to_array());
         }

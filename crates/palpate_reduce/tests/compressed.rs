@@ -12,7 +12,7 @@ const NODE: usize = 2 + 5 * (4 + 5 * 2);
 
 fn start() -> (Body, ToolContact, DVec3) {
     let block = Block::new([5; 3], DVec3::splat(0.08)).unwrap().fix(Face::NegY);
-    let block = block.tissue(&Tissue { damping_ratio: 0.7, ..Tissue::default() }).unwrap();
+    let block = block.tissue(&Tissue { damping: Damping::Ratio(0.7), ..Tissue::default() }).unwrap();
     let body = Body::new(block.network, block.surface).unwrap();
     let at = body.positions_m()[NODE];
     let contact = ToolContact::hold(&body, NODE, at).unwrap();

@@ -84,3 +84,17 @@ fn loop_relaxes_as_the_body() {
         assert!(error < most, "touched {is_touched}: {error}");
     }
 }
+
+#[test]
+fn loop_is_damped_as_the_body() {
+    for damping in [
+        Damping::Rayleigh { mass_per_s: 20.0, stiffness_s: 2e-3 },
+        Damping::LossFactor { loss_factor: 0.3, frequency_hz: 10.0 },
+    ] {
+        let tissue = Tissue { damping, ..Tissue::default() };
+        for (is_touched, most) in [(false, 0.002), (true, 0.002)] {
+            let error = error(&tissue, None, is_touched, 0);
+            assert!(error < most, "{damping:?}, touched {is_touched}: {error}");
+        }
+    }
+}

@@ -23,6 +23,7 @@ impl Block {
                 &mut slit::Pieces {
                     rest_m: &mut rest_m,
                     mass_kg: &mut vec![0.0; nodes],
+                    drag_ns_per_m: &mut vec![0.0; nodes],
                     youngs_modulus_pa: &mut vec![0.0; nodes],
                     lips: LipShares::HALVES,
                     fixed: &mut fixed,
@@ -43,7 +44,7 @@ impl Block {
         let massless = vec![0.0; rest_m.len()];
         let mut network = NetworkBuilder::of(rest_m, massless, fixed, Vec::new());
         for (nodes, tissue) in cells.into_iter().zip(&tissues) {
-            network.hexahedron(nodes, tissue, 1.0);
+            network.cell(nodes, tissue, 1.0);
         }
         let network = if self.allow_free { network.allow_unconstrained() } else { network }.build()?;
         let grid = Grid::new(cell.element_product().cbrt(), moduli_pa).of_elements(tissue.poissons_ratio);

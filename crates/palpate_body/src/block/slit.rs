@@ -35,7 +35,7 @@ struct Cut {
 /// Shares of the lip at lower x in the nodes and springs in the plane of a slit.
 #[derive(Clone, Copy)]
 pub(crate) struct LipShares<'a> {
-    /// Share of the mass of node (i, j, k).
+    /// Share of the mass and of the drag of node (i, j, k).
     pub(crate) mass: &'a dyn Fn([usize; 3]) -> f64,
     /// Share of the stiffness and damping of the spring from node (i, j, k) in the direction of a step.
     pub(crate) spring: &'a dyn Fn([usize; 3], [i32; 3]) -> f64,
@@ -50,6 +50,7 @@ impl LipShares<'static> {
 pub(super) struct Pieces<'a> {
     pub(super) rest_m: &'a mut Vec<DVec3>,
     pub(super) mass_kg: &'a mut Vec<f64>,
+    pub(super) drag_ns_per_m: &'a mut Vec<f64>,
     pub(super) youngs_modulus_pa: &'a mut Vec<f64>,
     pub(super) lips: LipShares<'a>,
     pub(super) fixed: &'a mut Vec<bool>,
@@ -121,10 +122,13 @@ pub(super) fn cut(slit: Slit, block: ([usize; 3], DVec3), pieces: &mut Pieces<'_
     for node in (0..lattice).filter(|&node| cut.is_open(cut.ijk(node))) {
         right.insert(node, pieces.rest_m.len());
         let bend = DVec3::X * (0.5 * slit.opening_m * cut.bend(cut.ijk(node)));
-        let (mass_kg, share) = (pieces.mass_kg[node], (pieces.lips.mass)(cut.ijk(node)));
-        pieces.mass_kg[node] = share * mass_kg;
+        let share = (pieces.lips.mass)(cut.ijk(node));
+        for list in [&mut *pieces.mass_kg, &mut *pieces.drag_ns_per_m] {
+            let whole = list[node];
+            list[node] = share * whole;
+            list.push((1.0 - share) * whole);
+        }
         pieces.rest_m.push(pieces.rest_m[node] + bend);
-        pieces.mass_kg.push((1.0 - share) * mass_kg);
         pieces.youngs_modulus_pa.push(pieces.youngs_modulus_pa[node]);
         pieces.fixed.push(pieces.fixed[node]);
         pieces.rest_m[node] -= bend;

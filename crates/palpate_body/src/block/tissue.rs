@@ -2,13 +2,14 @@
 
 use super::slit::LipShares;
 use super::{Block, BlockBody, LatticeMaterial};
-use crate::cell_tissue::{cell_tissues, cells_beside};
+use crate::cell_tissue::{CellTissue, cell_tissues, cells_beside};
+use crate::damping::DampingCoefficients;
 use crate::{BodyError, CellStiffness, Tissue, lattice};
 use glam::DVec3;
 
 impl Block {
     /// Mean tissue of each cell, of `tissue` and of the regions, in the order of [`Block::cells`].
-    pub(super) fn cell_tissues(&self, tissue: &Tissue) -> Result<Vec<Tissue>, BodyError> {
+    pub(super) fn cell_tissues(&self, tissue: &Tissue) -> Result<Vec<CellTissue>, BodyError> {
         tissue.validate()?;
         self.regions.iter().try_for_each(|(_, other)| other.validate())?;
         let cell = self.cell_m();
@@ -31,20 +32,21 @@ impl Block {
             cells_beside(ijk, step, cells).map(move |place| (place, index(place)))
         };
         let node_cells = |ijk| beside(ijk, [0; 3]).map(|(_, cell)| &tissues[cell]);
-        let eighth_m3 = cell.element_product() / 8.0;
+        let eighth_kg = |of: &CellTissue| cell.element_product() / 8.0 * of.density_kg_per_m3;
+        let drag_ns_per_m = |of: &CellTissue| of.drag_ns_per_m(eighth_kg(of));
         // For a modulus of 1 Pa: springs are proportional to it.
         let springs = CellStiffness::isotropic(1.0, cell)?;
         let spring = |ijk: [usize; 3], step: [i32; 3], (m_a, m_b): (f64, f64)| {
             let along = springs.along(step) / f64::from(1 << step.iter().filter(|s| **s == 0).count());
-            let (mut k, mut ratio) = (0.0, 0.0);
+            let (mut k, mut damping) = (0.0, DampingCoefficients::default());
             for (_, cell) in beside(ijk, step) {
                 let part = tissues[cell].youngs_modulus_pa * along;
                 k += part;
-                ratio += part * tissues[cell].damping_ratio;
+                damping = damping.plus(part, &tissues[cell].damping);
             }
-            (k, ratio / k * (k * 2.0 * m_a * m_b / (m_a + m_b)).sqrt())
+            (k, damping.scaled(1.0 / k).of_spring(k, (m_a, m_b)))
         };
-        let share_of = |ijk: [usize; 3], step: [i32; 3], amount: fn(&Tissue) -> f64| {
+        let share_of = |ijk: [usize; 3], step: [i32; 3], amount: fn(&CellTissue) -> f64| {
             let sum = |left: bool| -> f64 {
                 let is_left = |place: [usize; 3]| place[0] < ijk[0];
                 let of_lip = beside(ijk, step).filter(|(place, _)| !left || is_left(*place));
@@ -58,10 +60,8 @@ impl Block {
             sum / count
         };
         let material = LatticeMaterial {
-            mass_kg: self
-                .grid()
-                .map(|ijk| eighth_m3 * node_cells(ijk).map(|tissue| tissue.density_kg_per_m3).sum::<f64>())
-                .collect(),
+            mass_kg: self.grid().map(|ijk| node_cells(ijk).map(eighth_kg).sum()).collect(),
+            drag_ns_per_m: self.grid().map(|ijk| node_cells(ijk).map(drag_ns_per_m).sum()).collect(),
             youngs_modulus_pa: self.grid().map(modulus).collect(),
             spring: &spring,
             lips: LipShares {

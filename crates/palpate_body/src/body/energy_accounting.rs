@@ -163,7 +163,9 @@ impl EnergyLedger {
             link.spring.dissipated_w(d, mean(link.b) - mean(link.a))
         };
         let taken: f64 = body.network().links().iter().map(power).sum();
-        self.damping_loss_j += h * (taken + body.network().hexahedra().dissipated_w(&self.x, mean));
+        let drag = body.network().drag_ns_per_m().iter().enumerate();
+        let dragged: f64 = drag.map(|(node, drag)| drag * mean(node).length_squared()).sum();
+        self.damping_loss_j += h * (taken + dragged + body.network().hexahedra().dissipated_w(&self.x, mean));
         let (x, loads) = (body.positions_m(), body.loads_n());
         self.work_in_j += (0..x.len()).map(|node| loads[node].dot(x[node] - self.x[node])).sum::<f64>();
         self

@@ -34,6 +34,7 @@ impl Body {
         let mut given = self.carry_fixed(along.1, h);
         spring_forces(&self.network, &self.x, &self.v, &mut self.force);
         self.network.hexahedra().add_forces((&self.x, &self.v, &self.relaxed), &mut self.force);
+        self.network.add_drag(&self.v, &mut self.force);
         self.active_cells.add_forces(self.network.barriers(), &self.x, &mut self.force);
         let driven = drive.map(|(node, _)| node);
         if let Some(node) = driven {

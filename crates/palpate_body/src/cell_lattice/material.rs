@@ -1,7 +1,8 @@
 //! Tissue, masses and springs of partly filled cells.
 
 use super::embedding::{Embedding, corner};
-use crate::cell_tissue::{cell_tissues, cells_beside};
+use crate::cell_tissue::{CellTissue, cell_tissues, cells_beside};
+use crate::damping::DampingCoefficients;
 use crate::lattice::steps;
 use crate::{BodyError, CellStiffness, ClosedMesh, Link, Region, Tissue};
 use glam::DVec3;
@@ -15,6 +16,7 @@ pub(super) struct FilledCells<'a> {
 
 pub(super) struct Springs {
     pub mass_kg: Vec<f64>,
+    pub drag_ns_per_m: Vec<f64>,
     pub links: Vec<Link>,
 }
 
@@ -26,7 +28,7 @@ pub(super) fn mean_tissues(
     &FilledCells { embedding, share }: &FilledCells<'_>,
     (tissue, regions): (&Tissue, &[(Region, Tissue)]),
     mesh: &ClosedMesh,
-) -> Result<Vec<Tissue>, BodyError> {
+) -> Result<Vec<CellTissue>, BodyError> {
     let grid = embedding.grid();
     let at_m = |place: DVec3| mesh.center_m() + grid.at_m(place);
     let is_inside = |cell: usize, at_m: DVec3| share[cell] > WHOLE || mesh.contains(at_m);
@@ -36,7 +38,7 @@ pub(super) fn mean_tissues(
 /// Young's modulus at each node, Pa: the mean over its cells, weighted by their filled shares.
 pub(super) fn node_moduli_pa(
     &FilledCells { embedding, share }: &FilledCells<'_>,
-    means: &[Tissue],
+    means: &[CellTissue],
 ) -> Vec<f64> {
     let nodes = embedding.nodes().len();
     let (mut modulus, mut filled) = (vec![0.0; nodes], vec![0.0; nodes]);
@@ -52,14 +54,18 @@ pub(super) fn node_moduli_pa(
 /// Masses and springs of cells with the mean tissues `means`.
 pub(super) fn springs(
     &FilledCells { embedding, share }: &FilledCells<'_>,
-    means: &[Tissue],
+    means: &[CellTissue],
     rest_m: &[DVec3],
 ) -> Result<Springs, BodyError> {
     let grid = embedding.grid();
     let mut mass_kg = vec![0.0; embedding.nodes().len()];
+    let mut drag_ns_per_m = mass_kg.clone();
     for ((nodes, share), mean) in embedding.cells().iter().zip(share).zip(means) {
         let eighth = mean.density_kg_per_m3 * share * grid.cell_m.powi(3) / 8.0;
-        nodes.iter().for_each(|&node| mass_kg[node] += eighth);
+        for &node in nodes {
+            mass_kg[node] += eighth;
+            drag_ns_per_m[node] += mean.drag_ns_per_m(eighth);
+        }
     }
     // For a modulus of 1 Pa: springs are proportional to it.
     let springs = CellStiffness::isotropic(1.0, DVec3::splat(grid.cell_m))?;
@@ -67,30 +73,29 @@ pub(super) fn springs(
     for (a, &ijk) in embedding.nodes().iter().enumerate() {
         for step in steps() {
             let along = springs.along(step) / f64::from(1 << step.iter().filter(|s| **s == 0).count());
-            // Stiffness, and its product with the damping ratio, of the springs to each other end.
-            let mut springs: Vec<(usize, f64, f64)> = Vec::with_capacity(1);
+            // Stiffness, and its product with the damping, of the springs to each other end.
+            let mut springs: Vec<(usize, f64, DampingCoefficients)> = Vec::with_capacity(1);
             for (cell, corner, other) in cells_of_spring(embedding, ijk, step) {
                 let nodes = &embedding.cells()[cell];
                 if nodes[corner] != a {
                     continue;
                 }
                 let part = share[cell] * means[cell].youngs_modulus_pa * along;
-                let ratio = part * means[cell].damping_ratio;
+                let damping = &means[cell].damping;
                 match springs.iter_mut().find(|(b, ..)| *b == nodes[other]) {
-                    Some((_, k, sum)) => (*k, *sum) = (*k + part, *sum + ratio),
-                    None => springs.push((nodes[other], part, ratio)),
+                    Some((_, k, sum)) => (*k, *sum) = (*k + part, sum.plus(part, damping)),
+                    None => springs.push((nodes[other], part, damping.scaled(part))),
                 }
             }
-            for (b, k, ratio) in springs.into_iter().filter(|(_, k, _)| *k > 0.0) {
-                let (m_a, m_b) = (mass_kg[a], mass_kg[b]);
-                let c = ratio / k * (k * 2.0 * m_a * m_b / (m_a + m_b)).sqrt();
+            for (b, k, damping) in springs.into_iter().filter(|(_, k, _)| *k > 0.0) {
+                let c = damping.scaled(1.0 / k).of_spring(k, (mass_kg[a], mass_kg[b]));
                 let spring = Spring::linear(k, rest_m[a].distance(rest_m[b]), c)
                     .map_err(|source| BodyError::Law { link: links.len(), source })?;
                 links.push(Link { a, b, spring });
             }
         }
     }
-    Ok(Springs { mass_kg, links })
+    Ok(Springs { mass_kg, drag_ns_per_m, links })
 }
 
 /// Kept parts of the cells that have both the corner of the grid at `ijk` and the one a `step` from it, with the numbers of these corners.

@@ -139,7 +139,8 @@ impl Rates {
             }
             let (of_k, of_b) = of_elements.get(node).copied().unwrap_or_default();
             let per_kg = 1.0 / network.mass_kg()[node];
-            beta = beta.max(per_kg * (2.0 * largest_eigenvalue(&b) + of_b));
+            let drag = network.drag_ns_per_m().get(node).copied().unwrap_or_default();
+            beta = beta.max(per_kg * (2.0 * largest_eigenvalue(&b) + of_b + drag));
             kappa = kappa.max(per_kg * (2.0 * largest_eigenvalue(&k) + of_k));
         }
         Self { beta, kappa }

@@ -1,6 +1,7 @@
 //! Builder of networks.
 
 use super::{Grid, Network, NetworkParts};
+use crate::cell_tissue::CellTissue;
 use crate::error::{check, check_positive};
 use crate::{BodyError, Hexahedra, Link, Tissue};
 use glam::DVec3;
@@ -31,6 +32,7 @@ use std::collections::HashSet;
 pub struct NetworkBuilder {
     rest_m: Vec<DVec3>,
     mass_kg: Vec<f64>,
+    drag_ns_per_m: Vec<f64>,
     fixed: Vec<bool>,
     links: Vec<Link>,
     cells: Vec<[usize; 8]>,
@@ -47,8 +49,21 @@ impl Network {
     pub fn edit(self) -> NetworkBuilder {
         let of_elements: HashSet<[usize; 8]> = self.hexahedra.iter().map(|element| element.nodes).collect();
         let cells = self.cells().iter().filter(|cell| !of_elements.contains(*cell)).copied().collect();
-        let Self { rest_m, mass_kg, fixed, links, hexahedra, allow_free, grid, .. } = self;
-        NetworkBuilder { rest_m, mass_kg, fixed, links, cells, hexahedra, allow_free, grid, error: None }
+        let Self { rest_m, mass_kg, mut drag_ns_per_m, fixed, links, hexahedra, allow_free, grid, .. } = self;
+        drag_ns_per_m.resize(rest_m.len(), 0.0);
+        let error = None;
+        NetworkBuilder {
+            rest_m,
+            mass_kg,
+            drag_ns_per_m,
+            fixed,
+            links,
+            cells,
+            hexahedra,
+            allow_free,
+            grid,
+            error,
+        }
     }
 }
 
@@ -61,7 +76,13 @@ impl NetworkBuilder {
 
     /// Creates the builder from the lists of [`Network::new`].
     pub(crate) fn of(rest_m: Vec<DVec3>, mass_kg: Vec<f64>, fixed: Vec<bool>, links: Vec<Link>) -> Self {
-        Self { rest_m, mass_kg, fixed, links, ..Self::default() }
+        let drag_ns_per_m = vec![0.0; rest_m.len()];
+        Self { rest_m, mass_kg, drag_ns_per_m, fixed, links, ..Self::default() }
+    }
+
+    /// Sets the drag of every node, N s/m.
+    pub(crate) fn with_drag(self, drag_ns_per_m: Vec<f64>) -> Self {
+        Self { drag_ns_per_m, ..self }
     }
 
     /// Adds hexahedral cells of springs between the nodes.
@@ -73,8 +94,21 @@ impl NetworkBuilder {
     pub fn node(&mut self, rest_m: DVec3, mass_kg: f64) -> usize {
         self.rest_m.push(rest_m);
         self.mass_kg.push(mass_kg);
+        self.drag_ns_per_m.push(0.0);
         self.fixed.push(false);
         self.rest_m.len() - 1
+    }
+
+    /// Adds a drag of `ns_per_m` on `node`: the force on it is this times its velocity relative to the world, opposed to it.
+    pub fn drag(&mut self, node: usize, ns_per_m: f64) {
+        let is_valid = ns_per_m.is_finite() && ns_per_m >= 0.0;
+        let checked = check("drag of a node, N s/m", ns_per_m, is_valid, "finite and at least 0");
+        let nodes = self.rest_m.len();
+        match (checked, self.drag_ns_per_m.get_mut(node)) {
+            (Ok(_), Some(drag)) => *drag += ns_per_m,
+            (Ok(_), None) => drop(self.refuse(BodyError::Fixed { node, nodes })),
+            (Err(error), _) => drop(self.refuse(error)),
+        }
     }
 
     /// Adds a spring of law `law` between nodes `a` and `b`, at rest in their positions, with a parallel damper of
@@ -102,14 +136,21 @@ impl NetworkBuilder {
     /// bit 1, +z with bit 2.
     pub fn hexahedron(&mut self, nodes: [usize; 8], tissue: &Tissue, fill: f64) -> usize {
         let element = self.hexahedra.len();
-        if let Err(error) = self.add_hexahedron(nodes, tissue, fill) {
-            self.refuse(error);
+        match tissue.validate() {
+            Ok(()) => self.cell(nodes, &CellTissue::of(tissue), fill),
+            Err(error) => drop(self.refuse(error)),
         }
         element
     }
 
-    fn add_hexahedron(&mut self, nodes: [usize; 8], tissue: &Tissue, fill: f64) -> Result<(), BodyError> {
-        tissue.validate()?;
+    /// [`NetworkBuilder::hexahedron`] of a mixed tissue.
+    pub(crate) fn cell(&mut self, nodes: [usize; 8], tissue: &CellTissue, fill: f64) {
+        if let Err(error) = self.add_cell(nodes, tissue, fill) {
+            self.refuse(error);
+        }
+    }
+
+    fn add_cell(&mut self, nodes: [usize; 8], tissue: &CellTissue, fill: f64) -> Result<(), BodyError> {
         check("filled share of an element", fill, fill > 0.0 && fill.is_finite(), "finite and above 0")?;
         let element = self.hexahedra.len();
         let mut corners = [DVec3::ZERO; 8];
@@ -119,8 +160,10 @@ impl NetworkBuilder {
         }
         let shape = HexahedronShape::new(&corners).ok_or(BodyError::ElementShape { element })?;
         let volume_m3 = shape.volume_m3();
+        let eighth_kg = tissue.density_kg_per_m3 * fill * volume_m3 / 8.0;
         for node in nodes {
-            self.mass_kg[node] += tissue.density_kg_per_m3 * fill * volume_m3 / 8.0;
+            self.mass_kg[node] += eighth_kg;
+            self.drag_ns_per_m[node] += tissue.drag_ns_per_m(eighth_kg);
         }
         self.hexahedra.push(nodes, &shape, tissue.element_material(volume_m3, fill)?);
         Ok(())
@@ -155,7 +198,7 @@ impl NetworkBuilder {
     }
 
     /// Scales the material of a region: springs and elements with their midpoint at rest (m) `inside` get `stiffness` times their
-    /// force and `damping` times their damping, and nodes inside get `mass` times their mass.
+    /// force and `damping` times their damping, and nodes inside get `mass` times their mass and `damping` times their drag.
     #[must_use]
     pub fn region(mut self, inside: impl Fn(DVec3) -> bool, stiffness: f64, damping: f64, mass: f64) -> Self {
         let checked = check_positive("stiffness of a region, as a factor", stiffness)
@@ -188,9 +231,10 @@ impl NetworkBuilder {
                 self.hexahedra.scale(index, stiffness, damping);
             }
         }
-        for (m, x) in self.mass_kg.iter_mut().zip(&self.rest_m) {
+        for ((m, drag), x) in self.mass_kg.iter_mut().zip(&mut self.drag_ns_per_m).zip(&self.rest_m) {
             if inside(*x) {
                 *m *= mass;
+                *drag *= damping;
             }
         }
         if let Some(grid) = &mut self.grid {
@@ -241,8 +285,19 @@ impl NetworkBuilder {
             None => {
                 let nodes = self.rest_m.len();
                 let grid = self.grid.take().filter(|grid| grid.youngs_modulus_pa.len() == nodes);
-                let Self { rest_m, mass_kg, fixed, links, cells, hexahedra, allow_free, .. } = self;
-                let parts = NetworkParts { rest_m, mass_kg, fixed, links, cells, hexahedra, allow_free };
+                let Self {
+                    rest_m, mass_kg, drag_ns_per_m, fixed, links, cells, hexahedra, allow_free, ..
+                } = self;
+                let parts = NetworkParts {
+                    rest_m,
+                    mass_kg,
+                    drag_ns_per_m,
+                    fixed,
+                    links,
+                    cells,
+                    hexahedra,
+                    allow_free,
+                };
                 let network = Network::assemble(parts)?;
                 Ok(match grid {
                     Some(grid) => network.with_grid(grid),

@@ -273,7 +273,7 @@ fn restored_inverted_state_leads_to_identical_bits() {
 #[test]
 fn explicit_steps_stay_stable_while_cells_are_inverted() {
     // Without dampers, the energy of a released body would grow without bound if a step were unstable.
-    let tissue = Tissue { youngs_modulus_pa: 500e3, damping_ratio: 0.0, ..Tissue::default() };
+    let tissue = Tissue { youngs_modulus_pa: 500e3, damping: Damping::Ratio(0.0), ..Tissue::default() };
     let mut body = block([4; 3], DVec3::splat(0.06), &tissue);
     let at_rest_substeps = SemiImplicitEuler::default().substeps(&body).unwrap();
     // The energy fluctuates by a share that is proportional to the step length.

@@ -164,7 +164,7 @@ proptest! {
         damping_ratio in 0.5..1.0f64,
     ) {
         let (e, cell_m) = (10f64.powf(log_e), 10f64.powf(log_cell));
-        let tissue = Tissue { youngs_modulus_pa: e, damping_ratio, ..Tissue::default() };
+        let tissue = Tissue { youngs_modulus_pa: e, damping: Damping::Ratio(damping_ratio), ..Tissue::default() };
         let size = cell_m * DVec3::from_array(n.map(|n| (n - 1) as f64));
         // A fifth of the time in which sound crosses a cell; longer steps would need more substeps.
         let tick_s = 0.2 * cell_m / (e / 1000.0).sqrt();

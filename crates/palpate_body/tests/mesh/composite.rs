@@ -7,8 +7,12 @@ use palpate_body::*;
 use palpate_laws::ForceLaw;
 use proptest::prelude::*;
 
-const TISSUE: Tissue =
-    Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5, ..Tissue::SOFT };
+const TISSUE: Tissue = Tissue {
+    youngs_modulus_pa: 20e3,
+    density_kg_per_m3: 1000.0,
+    damping: Damping::Ratio(0.5),
+    ..Tissue::SOFT
+};
 
 fn free(mesh: &ClosedMesh, cells: usize) -> MeshBody {
     CellLattice::fit(mesh, CellSize::Along(cells)).unwrap().allow_unconstrained().tissue(&TISSUE).unwrap()

@@ -6,8 +6,12 @@ use palpate_body::*;
 use palpate_laws::ForceLaw;
 use proptest::prelude::*;
 
-const TISSUE: Tissue =
-    Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5, ..Tissue::SOFT };
+const TISSUE: Tissue = Tissue {
+    youngs_modulus_pa: 20e3,
+    density_kg_per_m3: 1000.0,
+    damping: Damping::Ratio(0.5),
+    ..Tissue::SOFT
+};
 
 fn free(shape: &Shape, cells: usize) -> MeshBody {
     let mesh = shape.close().unwrap();
@@ -159,8 +163,12 @@ fn rejects_separate_pieces_unless_allowed() {
 #[test]
 fn region_tissue_is_averaged_by_its_share_of_a_cell() {
     let mesh = cuboid(DVec3::splat(0.1), [1; 3]).close().unwrap();
-    let stiff =
-        Tissue { youngs_modulus_pa: 80e3, density_kg_per_m3: 2000.0, damping_ratio: 0.2, ..Tissue::SOFT };
+    let stiff = Tissue {
+        youngs_modulus_pa: 80e3,
+        density_kg_per_m3: 2000.0,
+        damping: Damping::Ratio(0.2),
+        ..Tissue::SOFT
+    };
     // The upper 37.5 mm of 100 mm, in cells of 25 mm: one whole layer and half of another.
     let upper = Region::HalfSpace { point_m: 0.0125 * DVec3::Z, outward: -DVec3::Z };
     let fit = || CellLattice::fit(&mesh, CellSize::Side(0.025)).unwrap().allow_unconstrained();

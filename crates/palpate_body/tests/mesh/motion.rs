@@ -4,8 +4,12 @@ use super::shapes::{Shape, cuboid, sphere, torus};
 use glam::{DQuat, DVec3};
 use palpate_body::*;
 
-const TISSUE: Tissue =
-    Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5, ..Tissue::SOFT };
+const TISSUE: Tissue = Tissue {
+    youngs_modulus_pa: 20e3,
+    density_kg_per_m3: 1000.0,
+    damping: Damping::Ratio(0.5),
+    ..Tissue::SOFT
+};
 
 fn turn() -> DQuat {
     DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, -0.5)

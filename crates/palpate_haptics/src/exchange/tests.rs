@@ -106,6 +106,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         weight,
         node_m,
         node_per_kg,
+        drag_ns_per_m,
         ring_m,
         basis,
         near,
@@ -152,6 +153,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
     for list in [
         weight,
         node_per_kg,
+        drag_ns_per_m,
         basis,
         stiffness,
         damping,

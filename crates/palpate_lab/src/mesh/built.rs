@@ -4,8 +4,8 @@ use super::arguments::Mesh;
 use crate::error::LabError;
 use crate::multirate::ms_since;
 use palpate_body::{
-    Body, BodyError, CellSize, ClosedMesh, Face, JoinOptions, JoinedMesh, MeshBody, MeshCells, MeshClosing,
-    MeshError, MeshPart, PieceSelection, SemiImplicitEuler, ThinParts, Tissue,
+    Body, BodyError, CellSize, ClosedMesh, Damping, Face, JoinOptions, JoinedMesh, MeshBody, MeshCells,
+    MeshClosing, MeshError, MeshPart, PieceSelection, SemiImplicitEuler, ThinParts, Tissue,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::time::Instant;
@@ -68,7 +68,7 @@ fn build(part: MeshPart, options: &Mesh, scale_m: f64, start: Instant) -> Result
     let tissue = Tissue {
         youngs_modulus_pa: options.youngs_pa,
         density_kg_per_m3: DENSITY_KG_PER_M3,
-        damping_ratio: DAMPING_RATIO,
+        damping: Damping::Ratio(DAMPING_RATIO),
         ..Tissue::default()
     };
     let lattice = joined.lattice().map_err(BodyError::from)?;

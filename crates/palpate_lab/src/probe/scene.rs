@@ -9,8 +9,8 @@ use crate::mesh_input;
 use crate::top::Top;
 use glam::{DQuat, DVec3};
 use palpate_body::{
-    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Face, MeshError, MeshPart, Network, Region,
-    Surface, Tissue, ToolContact, ToolShape,
+    Block, Body, BodyError, CellLattice, CellSize, ClosedMesh, Damping, Face, MeshError, MeshPart, Network,
+    Region, Surface, Tissue, ToolContact, ToolShape,
 };
 use palpate_files::{MeshFile, MeshSelection};
 use std::path::Path;
@@ -32,7 +32,7 @@ impl Scene {
             youngs_modulus_pa: probe.youngs_pa,
             density_kg_per_m3: probe.density,
             poissons_ratio: probe.elements.poissons_ratio(),
-            damping_ratio: probe.damping,
+            damping: Damping::Ratio(probe.damping),
             law: probe.elements.law.into(),
             ..Tissue::default()
         };

@@ -69,6 +69,9 @@ pub(super) fn write_matrices(field: &mut NearField) -> Result<(), ReduceError> {
             add_near_spring(field, near, block, matrix);
         }
     }
+    for dof in 0..s {
+        b[dof * n + dof] += field.drag_ns_per_m[dof / 3];
+    }
     if let Some(of) = element_stiffness::over_state(field, true) {
         for (matrix, add) in [(&mut k, &of.stiffness), (&mut b, &of.damping)] {
             for (i, row) in matrix.chunks_exact_mut(n).enumerate() {

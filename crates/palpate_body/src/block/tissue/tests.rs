@@ -2,10 +2,18 @@ use crate::*;
 use glam::{DMat3, DVec3};
 use palpate_laws::ForceLaw;
 
-const SOFT: Tissue =
-    Tissue { youngs_modulus_pa: 10e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5, ..Tissue::SOFT };
-const HARD: Tissue =
-    Tissue { youngs_modulus_pa: 40e3, density_kg_per_m3: 1100.0, damping_ratio: 0.7, ..Tissue::SOFT };
+const SOFT: Tissue = Tissue {
+    youngs_modulus_pa: 10e3,
+    density_kg_per_m3: 1000.0,
+    damping: Damping::Ratio(0.5),
+    ..Tissue::SOFT
+};
+const HARD: Tissue = Tissue {
+    youngs_modulus_pa: 40e3,
+    density_kg_per_m3: 1100.0,
+    damping: Damping::Ratio(0.7),
+    ..Tissue::SOFT
+};
 
 /// The points with x above `x_m`.
 fn right_of(x_m: f64) -> Region {
