@@ -148,7 +148,7 @@ fn settings_select_a_node() {
 
 #[test]
 fn two_materials_have_two_tissues() {
-    const SOFT: Tissue = Tissue { youngs_modulus_pa: 10e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 };
+    const SOFT: Tissue = Tissue { youngs_modulus_pa: 10e3, ..Tissue::SOFT };
     let mut app = app_of(&[("breast.obj", obj(true))]);
     let shape = MeshShape {
         parts: vec![load(&app, "breast.obj#Piece1")],

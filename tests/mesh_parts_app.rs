@@ -11,8 +11,8 @@ use palpate_body::BodyError;
 use palpate_tests::app::{assert_no_faults, step, take_kinds};
 use palpate_tests::mesh::{add, body, both, cuboid, mesh_app};
 
-const SOFT: Tissue = Tissue { youngs_modulus_pa: 10e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 };
-const HARD: Tissue = Tissue { youngs_modulus_pa: 100e3, density_kg_per_m3: 2000.0, damping_ratio: 0.5 };
+const SOFT: Tissue = Tissue { youngs_modulus_pa: 10e3, ..Tissue::SOFT };
+const HARD: Tissue = Tissue { youngs_modulus_pa: 100e3, density_kg_per_m3: 2000.0, ..Tissue::SOFT };
 
 /// A box of 80 × 40 × 40 mm.
 fn whole() -> Mesh {

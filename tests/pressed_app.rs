@@ -36,7 +36,7 @@ fn spawn<D: HapticDevice + 'static>(app: &mut App, device: impl Fn() -> D + Send
     app.init_resource::<Steps>().add_systems(ModelSchedule, collect_steps.in_set(HapticSystems::Last));
     app.world_mut().spawn((
         DeformableBody::block([6, 6, 6], 0.1),
-        Tissue { youngs_modulus_pa: 20e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 },
+        Tissue { youngs_modulus_pa: 20e3, ..Tissue::SOFT },
         FixedRegion::Face(BoxFace::Bottom),
     ));
     let tool = spawn_tool(app, device);

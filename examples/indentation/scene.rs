@@ -133,7 +133,7 @@ fn set_up(mut commands: Commands, mut measured: ResMut<Measured>) {
     let across = (WIDTH_M / THICKNESS_M) as usize * CELLS + 1;
     commands.spawn((
         DeformableBody::block_of_size([across, CELLS + 1, across], DVec3::new(WIDTH_M, THICKNESS_M, WIDTH_M)),
-        Tissue { youngs_modulus_pa: YOUNGS_MODULUS_PA, damping_ratio: 0.5, ..default() },
+        Tissue { youngs_modulus_pa: YOUNGS_MODULUS_PA, ..default() },
         FixedRegion::Face(BoxFace::Bottom),
     ));
 }

@@ -24,7 +24,7 @@ const TIGHTENED_M_PER_S: f64 = 0.005;
 pub fn slab() -> impl Bundle {
     (
         DeformableBody::block_of_size([13, 4, 13], DVec3::new(0.12, 2.0 * TOP_M, 0.12)),
-        Tissue { youngs_modulus_pa: 5e3, damping_ratio: 0.6, ..default() },
+        Tissue { youngs_modulus_pa: 5e3, damping: Damping::Ratio(0.6), ..default() },
         Slit { length_m: 0.06, depth_m: 0.02, opening_m: OPENING_M },
         FixedRegion::Face(BoxFace::Bottom),
     )

@@ -65,7 +65,7 @@ fn set_up(mut commands: Commands, previous: Query<Entity, With<Piece>>) {
     let [length, height, width] = ORGAN_M;
     commands.spawn((
         DeformableBody::block_of_size([12, 5, 9], DVec3::new(length, height, width)),
-        Tissue { youngs_modulus_pa: 15e3, density_kg_per_m3: 1000.0, damping_ratio: 0.5 },
+        Tissue { youngs_modulus_pa: 15e3, ..Tissue::SOFT },
         Transform::from_xyz(ACROSS_M, TRAY_M.y + 0.5 * height as f32, 0.0),
     ));
 }

@@ -3,6 +3,7 @@
 mod build;
 mod compliance;
 mod construct;
+mod element_family;
 mod follow_transform;
 mod install;
 mod mesh_assets;
@@ -18,6 +19,7 @@ mod surface_trees;
 mod tissue;
 
 pub use compliance::ContactCompliance;
+pub use element_family::ElementFamily;
 pub(crate) use follow_transform::CarryBodies;
 pub(crate) use pending::BodyBuild;
 pub use region::{BodyRegion, BoxFace};
@@ -46,6 +48,7 @@ impl Plugin for BodyPlugin {
         let cost = FrameCost::of(app);
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()
+            .register_type::<ElementFamily>()
             .register_type::<ContactCompliance>()
             .register_type::<FixedRegion>()
             .register_type::<Inclusions>()

@@ -148,15 +148,15 @@ fn draw_bodies(
         }
         if let Some(shares) = shown.get(&entity).and_then(|(_, shares)| shares.as_ref()) {
             let color = |node: usize| colors::bright(shares.get(node).copied().unwrap_or(0.0));
-            for link in network.links() {
-                gizmos.line_gradient(at(link.a), at(link.b), color(link.a), color(link.b));
+            for [a, b] in network.edges() {
+                gizmos.line_gradient(at(a), at(b), color(a), color(b));
             }
             (0..x.len()).for_each(|node| gizmos.cross(at(node), size, color(node)));
         } else if parts.lattice {
-            for link in network.links() {
-                let rest = link.spring.rest_length_m();
-                let strain = ((x[link.b] - x[link.a]).length() / rest - 1.0) as f32;
-                gizmos.line(at(link.a), at(link.b), colors::strained(strain / parts.strain));
+            let rest_m = network.rest_m();
+            for [a, b] in network.edges() {
+                let strain = (x[b].distance(x[a]) / rest_m[b].distance(rest_m[a]) - 1.0) as f32;
+                gizmos.line(at(a), at(b), colors::strained(strain / parts.strain));
             }
         }
         if parts.fixed {
@@ -168,10 +168,11 @@ fn draw_bodies(
     }
 }
 
-/// Half the size of a node's cross, m: a part of a spring.
+/// Half the size of a node's cross, m: a part of an edge.
 fn cross_size(simulated: &SimulatedBody) -> f32 {
-    let link = simulated.body().network().links().first();
-    link.map_or(1e-3, |link| 0.12 * link.spring.rest_length_m() as f32)
+    let network = simulated.body().network();
+    let length_m = network.edges().next().map(|[a, b]| network.rest_m()[a].distance(network.rest_m()[b]));
+    length_m.map_or(1e-3, |length_m| 0.12 * length_m as f32)
 }
 
 fn draw_tools(

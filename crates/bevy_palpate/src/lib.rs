@@ -40,7 +40,7 @@
 //! The [guide] goes from the first body to a driver of your own. The items by topic; the [`prelude`] has those that nearly every app names,
 //! all others are at the root of the crate:
 //!
-//! * Bodies: [`DeformableBody`], a block or a mesh ([`MeshShape`], [`MeshCellSize`], [`MeshPieces`]), with [`Tissue`], [`FixedRegion`] of a [`BoxFace`] or of
+//! * Bodies: [`DeformableBody`], a block or a mesh ([`MeshShape`], [`MeshCellSize`], [`MeshPieces`]), with [`Tissue`], [`ElementFamily`], [`FixedRegion`] of a [`BoxFace`] or of
 //!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`], [`KinematicBody`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
 //!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`]; with the
 //!   feature `mesh_files` the loader of mesh files `MeshFileLoader` with `MeshFileSettings` and `MeshFileLoadError`, `mesh_of_pieces`.
@@ -133,9 +133,9 @@ pub use palpate_reduce;
 #[cfg(feature = "avian")]
 pub use avian::{AvianPlugin, NotAnObstacle};
 pub use body::{
-    BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, FixedRegion,
-    Inclusion, Inclusions, KinematicBody, MeshCellSize, MeshPieces, MeshReport, MeshShape, SimulatedBody,
-    Slit, Tissue,
+    BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, ElementFamily,
+    FixedRegion, Inclusion, Inclusions, KinematicBody, MeshCellSize, MeshPieces, MeshReport, MeshShape,
+    SimulatedBody, Slit, Tissue,
 };
 pub use body_query::{BodyQuery, BodySurfacePoint};
 pub use device::{
@@ -176,11 +176,11 @@ struct Readme;
 /// in them. Everything else is at the root of the crate or of [`palpate_haptics`]; the [front page](crate#contents) lists it.
 pub mod prelude {
     pub use crate::{
-        BodyReady, BoxFace, ContactEnd, ContactStart, DeformableBody, FixedRegion, GraspEnd, GraspStart,
-        GraspedPoint, Gravity, HapticDevices, HapticFault, HapticTool, Obstacle, PalpatePlugins, Suture,
-        SutureForce, SutureTorn, Tissue, ToolForce, ToolGrasp, ToolSettings, TouchedBody,
+        BodyReady, BoxFace, ContactEnd, ContactStart, DeformableBody, ElementFamily, FixedRegion, GraspEnd,
+        GraspStart, GraspedPoint, Gravity, HapticDevices, HapticFault, HapticTool, Obstacle, PalpatePlugins,
+        Suture, SutureForce, SutureTorn, Tissue, ToolForce, ToolGrasp, ToolSettings, TouchedBody,
     };
     pub use glam::DVec3;
-    pub use palpate_body::ToolShape;
+    pub use palpate_body::{Damping, ToolShape};
     pub use palpate_local::Scheme;
 }

@@ -33,6 +33,32 @@ pub(crate) struct ReflectedDeviceFrame {
     pub offset_m: DVec3,
 }
 
+/// Reflection of [`palpate_body::Damping`].
+#[bevy::reflect::reflect_remote(palpate_body::Damping)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum ReflectedDamping {
+    Ratio(f64),
+    LossFactor { loss_factor: f64, frequency_hz: f64 },
+    Rayleigh { mass_per_s: f64, stiffness_s: f64 },
+}
+
+/// Reflection of [`palpate_body::ElasticLaw`].
+#[bevy::reflect::reflect_remote(palpate_body::ElasticLaw)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum ReflectedElasticLaw {
+    CorotationalLinear,
+    #[default]
+    NeoHookean,
+}
+
+/// Reflection of [`palpate_body::Relaxation`].
+#[bevy::reflect::reflect_remote(palpate_body::Relaxation)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct ReflectedRelaxation {
+    pub shares: [f64; 3],
+    pub times_s: [f64; 3],
+}
+
 /// Reflection of [`palpate_body::ToolShape`].
 #[bevy::reflect::reflect_remote(palpate_body::ToolShape)]
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -361,6 +361,24 @@ impl Body {
         self.quiet_s >= SETTLED_S
     }
 
+    /// Sets positions and velocities to those of `other`, which has the same nodes. Relaxed stress is adopted in proportion to the shear moduli
+    /// where both bodies have the same elements; otherwise no stress has relaxed.
+    ///
+    /// # Errors
+    /// As [`Body::set_state`].
+    pub fn adopt_motion(&mut self, other: &Self) -> Result<(), BodyError> {
+        self.set_state(&other.x, &other.v)?;
+        if self.relaxed.len() == other.relaxed.len() {
+            let shear_j =
+                |body: &Self, index: usize| body.network.hexahedra().get(index).material.parameters_j.mu;
+            for index in 0..self.relaxed.len() {
+                let share = shear_j(self, index) / shear_j(other, index);
+                self.relaxed[index] = other.relaxed[index].map(|of| of.map(|stress| share * stress));
+            }
+        }
+        Ok(())
+    }
+
     /// Current state.
     #[must_use]
     pub fn state(&self) -> BodyState {

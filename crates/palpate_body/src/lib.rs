@@ -133,6 +133,7 @@ mod obstacle_points;
 mod obstacle_step;
 mod optimization;
 mod parallel;
+mod published_tissues;
 mod region;
 mod skin;
 mod surface;

@@ -235,6 +235,11 @@ impl Network {
         &self.hexahedra
     }
 
+    /// Pairs of nodes that a link joins, and those on the edges of elements.
+    pub fn edges(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        self.links.iter().map(|link| [link.a, link.b]).chain(self.hexahedra.edges())
+    }
+
     /// Whether the force of every spring is proportional to its extension, and there are no elements.
     #[must_use]
     pub fn is_linear(&self) -> bool {

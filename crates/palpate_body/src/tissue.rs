@@ -65,7 +65,8 @@ impl Tissue {
         check_positive("Young's modulus, Pa", self.youngs_modulus_pa)?;
         let (ratio, most) = (self.poissons_ratio, LameParameters::MAX_POISSONS_RATIO);
         check("Poisson's ratio", ratio, (0.0..=most).contains(&ratio), "0 to 0.49")?;
-        self.damping.validate()
+        self.damping.validate()?;
+        Ok(self.relaxation.validate()?)
     }
 }
 

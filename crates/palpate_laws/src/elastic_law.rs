@@ -7,7 +7,6 @@ use glam::{DMat3, DVec3};
 
 /// An isotropic elastic law. F is the deformation gradient and P the first Piola stress, the derivative of the energy density W(F).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
 pub enum ElasticLaw {
     /// Linear elasticity in the rotated frame: W = μ |F − R|² + λ/2 tr²(RᵀF − 1), with R the rotation closest to F (M. Müller and
     /// M. Gross, Graphics Interface 2004; the energy is that of A. McAdams et al., ACM Trans. Graph. 30 (2011) 37). Tension and

@@ -1,6 +1,7 @@
 //! Builds new and changed bodies from their components: blocks at once, meshes in a background task.
 
 use super::construct::{BuildError, BuildInput, checked_pose};
+use super::element_family::ElementFamily;
 use super::install::{FinishedBuild, clear_build, install};
 use super::mesh_assets::Meshes;
 use super::mesh_source::Source;
@@ -25,6 +26,7 @@ pub(super) struct BodyQuery {
     entity: Entity,
     shape: Ref<'static, DeformableBody>,
     tissue: Ref<'static, Tissue>,
+    family: Ref<'static, ElementFamily>,
     fixed: Ref<'static, FixedRegion>,
     slit: Option<Ref<'static, Slit>>,
     inclusions: Option<Ref<'static, Inclusions>>,
@@ -43,6 +45,7 @@ impl BodyQueryItem<'_, '_> {
     fn is_changed(&self) -> bool {
         self.shape.is_changed()
             || self.tissue.is_changed()
+            || self.family.is_changed()
             || self.fixed.is_changed()
             || self.slit.as_ref().is_some_and(DetectChanges::is_changed)
             || self.inclusions.as_ref().is_some_and(DetectChanges::is_changed)
@@ -83,6 +86,7 @@ impl BodyQueryItem<'_, '_> {
         BuildInput {
             shape: (*self.shape).clone(),
             tissue: *self.tissue,
+            family: *self.family,
             fixed: (*self.fixed).clone(),
             slit: self.slit.as_ref().map(|slit| **slit),
             inclusions: self.inclusions.as_ref().map(|inclusions| inclusions.0.clone()).unwrap_or_default(),

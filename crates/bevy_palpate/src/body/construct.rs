@@ -1,5 +1,6 @@
 //! Builds a body from its components: plain computation without access to the app, so that a background task can run it.
 
+use super::element_family::ElementFamily;
 use super::mesh_source::Source;
 use super::region::BoxFace;
 use super::shape::{DeformableBody, FixedRegion, Slit};
@@ -19,6 +20,7 @@ use std::sync::Arc;
 pub(super) struct BuildInput {
     pub(super) shape: DeformableBody,
     pub(super) tissue: Tissue,
+    pub(super) family: ElementFamily,
     pub(super) fixed: FixedRegion,
     pub(super) slit: Option<Slit>,
     pub(super) inclusions: Vec<Inclusion>,
@@ -142,7 +144,12 @@ impl BuildInput {
         for &Inclusion { region, tissue } in &self.inclusions {
             block = block.region(region.of(&[])?, tissue.into());
         }
-        let built = block.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
+        let tissue = self.tissue.into();
+        let built = match self.family {
+            ElementFamily::Hexahedra => block.elements(&tissue)?,
+            ElementFamily::Springs => block.tissue(&tissue)?,
+        };
+        let built = built.placed(self.rotation, self.translation_m)?;
         Body::new(built.network, built.surface)
     }
 
@@ -171,7 +178,12 @@ impl BuildInput {
         for &Inclusion { region, tissue } in &self.inclusions {
             lattice = lattice.region(region.of(parts)?, tissue.into());
         }
-        let built = lattice.tissue(&self.tissue.into())?.placed(self.rotation, self.translation_m)?;
+        let tissue = self.tissue.into();
+        let built = match self.family {
+            ElementFamily::Hexahedra => lattice.elements(&tissue)?,
+            ElementFamily::Springs => lattice.tissue(&tissue)?,
+        };
+        let built = built.placed(self.rotation, self.translation_m)?;
         let MeshBody { cells, deviation_m, .. } = built;
         let (repairs, assumptions) = (closed.repairs(), closed.assumptions());
         let JoinedMesh { piece_count, piece_share, .. } = *joined;

@@ -86,7 +86,7 @@ pub(super) fn install(
         && old.body.positions_m().len() == new.body.positions_m().len();
     if is_same {
         // Cannot fail: both bodies have the same nodes.
-        let _ = new.body.set_state(old.body.positions_m(), old.body.velocities_m_per_s());
+        let _ = new.body.adopt_motion(&old.body);
         (new.shape, new.last_move, new.pose) = (old.shape, old.last_move, old.pose);
         new.watch = old.watch;
         new.drawn = std::mem::take(&mut old.drawn);

@@ -1,5 +1,6 @@
 //! The shape of a body: a block or a mesh, its fixed region, and a slit.
 
+use super::element_family::ElementFamily;
 use super::region::{BodyRegion, BoxFace};
 use super::state::BodyState;
 use super::tissue::Tissue;
@@ -7,8 +8,8 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{CellSize, PieceSelection};
 
-/// A deformable body that tools can touch: a block, or the inside of a mesh. Requires [`Tissue`], [`FixedRegion`],
-/// [`BodyState`] and [`Transform`].
+/// A deformable body that tools can touch: a block, or the inside of a mesh. Requires [`Tissue`], [`ElementFamily`],
+/// [`FixedRegion`], [`BodyState`] and [`Transform`].
 ///
 /// The body is built at the pose of its transform, in the size given here. A scaled transform is rejected
 /// ([`HapticFaultKind::NonUnitScale`](crate::HapticFaultKind::NonUnitScale)), and the body is built once the scale is 1. Moving the
@@ -24,7 +25,7 @@ use palpate_body::{CellSize, PieceSelection};
 /// available in [`SimulatedBody::drawn_m`](crate::SimulatedBody::drawn_m).
 #[derive(Component, Clone, Debug, PartialEq, Reflect)]
 #[component(immutable)]
-#[require(Tissue, FixedRegion, BodyState, Transform)]
+#[require(Tissue, ElementFamily, FixedRegion, BodyState, Transform)]
 #[reflect(Component, Debug, PartialEq, Clone)]
 pub enum DeformableBody {
     /// A block centred on the entity's origin.

@@ -2,34 +2,89 @@
 
 use super::region::BodyRegion;
 use bevy::prelude::*;
+use palpate_body::{Damping, ElasticLaw, Relaxation};
 
-/// Elastic tissue of a body. [`palpate_body::Tissue`] derives the springs from it.
+/// Elastic tissue of a body, by default [`Tissue::SOFT`]. Tissues with published parameters are [`Tissue::LIVER`] and the other
+/// constants.
 ///
 /// A change during contact keeps the shape and the motion of the body.
+///
+/// ```
+/// # use bevy_palpate::prelude::*;
+/// // A liver whose tumour is ten times stiffer.
+/// let liver = Tissue::LIVER;
+/// let tumour = Tissue { youngs_modulus_pa: 10.0 * liver.youngs_modulus_pa, ..liver };
+/// ```
 #[derive(Component, Clone, Copy, Debug, PartialEq, Reflect)]
 #[reflect(Component, Debug, Default, PartialEq, Clone)]
 pub struct Tissue {
-    /// Young's modulus, Pa: 1 kPa to 100 kPa for soft organs. Poisson's ratio is 1/4.
+    /// Young's modulus, Pa: 1 kPa to 100 kPa for soft organs.
     pub youngs_modulus_pa: f64,
+    /// Poisson's ratio, 0 to 0.49. Soft tissue is nearly incompressible; close to 0.5 a model step needs more substeps. Springs have 1/4.
+    pub poissons_ratio: f64,
     /// Density, kg/m³.
     pub density_kg_per_m3: f64,
-    /// Damping ratio of the springs; 0.5 is a tissue that hardly oscillates.
-    pub damping_ratio: f64,
+    /// Damping.
+    #[reflect(remote = crate::reflect::ReflectedDamping)]
+    pub damping: Damping,
+    /// Elastic law of elements.
+    #[reflect(remote = crate::reflect::ReflectedElasticLaw)]
+    pub law: ElasticLaw,
+    /// Stress relaxation of elements. Young's modulus is that of fast loading.
+    #[reflect(remote = crate::reflect::ReflectedRelaxation)]
+    pub relaxation: Relaxation,
 }
 
 impl Default for Tissue {
-    /// 20 kPa, 1000 kg/m³, 0.5.
+    /// [`Tissue::SOFT`].
     fn default() -> Self {
-        let palpate_body::Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio, .. } =
-            palpate_body::Tissue::default();
-        Self { youngs_modulus_pa, density_kg_per_m3, damping_ratio }
+        Self::SOFT
+    }
+}
+
+impl Tissue {
+    /// [`palpate_body::Tissue::SOFT`]: 20 kPa, Poisson's ratio 0.45, 1000 kg/m³, damping ratio 0.5, neo-Hookean.
+    pub const SOFT: Self = Self::of(palpate_body::Tissue::SOFT);
+
+    const fn of(tissue: palpate_body::Tissue) -> Self {
+        let palpate_body::Tissue {
+            youngs_modulus_pa,
+            poissons_ratio,
+            density_kg_per_m3,
+            damping,
+            law,
+            relaxation,
+        } = tissue;
+        Self { youngs_modulus_pa, poissons_ratio, density_kg_per_m3, damping, law, relaxation }
+    }
+}
+
+/// Declares the constants of published tissues.
+macro_rules! published_tissues {
+    ($($name:ident),*) => {
+        /// Tissues with published parameters.
+        impl Tissue {
+            $(
+                #[doc = concat!("[`palpate_body::Tissue::", stringify!($name), "`], which states the study, its method and its spread.")]
+                pub const $name: Self = Self::of(palpate_body::Tissue::$name);
+            )*
+        }
+    };
+}
+
+published_tissues!(LIVER, KIDNEY, SPLEEN, BRAIN, FAT, MUSCLE, SKIN, PROSTATE, BREAST);
+
+impl From<palpate_body::Tissue> for Tissue {
+    fn from(tissue: palpate_body::Tissue) -> Self {
+        Self::of(tissue)
     }
 }
 
 impl From<Tissue> for palpate_body::Tissue {
     fn from(tissue: Tissue) -> Self {
-        let Tissue { youngs_modulus_pa, density_kg_per_m3, damping_ratio } = tissue;
-        Self { youngs_modulus_pa, density_kg_per_m3, damping_ratio, ..Self::default() }
+        let Tissue { youngs_modulus_pa, poissons_ratio, density_kg_per_m3, damping, law, relaxation } =
+            tissue;
+        Self { youngs_modulus_pa, poissons_ratio, density_kg_per_m3, damping, law, relaxation }
     }
 }
 

@@ -12,6 +12,7 @@ use bevy::prelude::*;
 use bevy_egui::egui;
 use glam::{DQuat, DVec3};
 use number_field::{NumberField, check_tissue};
+use palpate_body::Damping;
 use palpate_haptics::{DeviceFrame, SafetySettings};
 use palpate_local::Scheme;
 
@@ -134,8 +135,9 @@ impl View {
                 .log()
                 .show(ui, &mut draft.density_kg_per_m3);
             ui.end_row();
-            NumberField::new("damping ratio", "", 1.0, 0.0..=2.0).show(ui, &mut draft.damping_ratio);
+            NumberField::new("Poisson's ratio", "", 1.0, 0.0..=0.49).show(ui, &mut draft.poissons_ratio);
             ui.end_row();
+            damping_rows(ui, &mut draft.damping);
         });
         if let Some(tissue_now) = self.accept(Part::Material, &before, draft, check_tissue) {
             self.start_change(body, before, tissue_now);
@@ -227,6 +229,24 @@ impl View {
         }
         self.show_rejection(ui, Part::Frame);
     }
+}
+
+/// Rows of the numbers of `damping`.
+fn damping_rows(ui: &mut egui::Ui, damping: &mut Damping) {
+    match damping {
+        Damping::Ratio(ratio) => NumberField::new("damping ratio", "", 1.0, 0.0..=2.0).show(ui, ratio),
+        Damping::LossFactor { loss_factor, frequency_hz } => {
+            NumberField::new("loss factor", "", 1.0, 0.0..=1.0).show(ui, loss_factor);
+            ui.end_row();
+            NumberField::new("at frequency", "Hz", 1.0, 0.1..=100.0).log().show(ui, frequency_hz);
+        }
+        Damping::Rayleigh { mass_per_s, stiffness_s } => {
+            NumberField::new("mass damping", "1/s", 1.0, 0.0..=50.0).show(ui, mass_per_s);
+            ui.end_row();
+            NumberField::new("stiffness damping", "ms", 1e-3, 0.0..=20.0).show(ui, stiffness_s);
+        }
+    }
+    ui.end_row();
 }
 
 /// A row of three numbers.

@@ -77,5 +77,5 @@ impl NumberField {
 /// [`BodyError::Parameter`].
 pub(super) fn check_tissue(tissue: &Tissue) -> Result<(), BodyError> {
     let tissue = palpate_body::Tissue::from(*tissue);
-    Block::new([2; 3], DVec3::splat(0.01))?.allow_unconstrained().tissue(&tissue).map(|_| ())
+    Block::new([2; 3], DVec3::splat(0.01))?.allow_unconstrained().elements(&tissue).map(|_| ())
 }
