@@ -124,4 +124,122 @@ pub enum MeshFileError {
         /// What is selected.
         selection: String,
     },
+    /// Neither the extension nor the first bytes belong to a format of [`TetrahedralFormat`](crate::TetrahedralFormat).
+    #[error(
+        "format of `{path}` is not known; the extension must be msh, vtk, vtu, node or ele, or the file must begin like a Gmsh or VTK \
+         file; convert the volume mesh to one of these formats",
+        path = path.display()
+    )]
+    VolumeFormatNotKnown {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The content contradicts the format.
+    #[error("{format} file is not valid: {problem}; export the volume mesh again")]
+    VolumeNotValid {
+        /// Name of the format.
+        format: &'static str,
+        /// What is wrong, and where.
+        problem: String,
+    },
+    /// The file has a version that is not read.
+    #[error(
+        "version of the {format} file is {version}; it must be {allowed}; export the volume mesh in such a version"
+    )]
+    VersionNotRead {
+        /// Name of the format.
+        format: &'static str,
+        /// The version.
+        version: String,
+        /// Versions that are read.
+        allowed: &'static str,
+    },
+    /// The reader of a format is not part of this build.
+    #[error(
+        "{format} files need the feature `{feature}` of palpate_files; enable it, or convert the file to Gmsh or legacy VTK"
+    )]
+    NeedsReader {
+        /// Name of the format.
+        format: &'static str,
+        /// Feature of this crate that contains the reader.
+        feature: &'static str,
+    },
+    /// The data are compressed in a way that is not read.
+    #[error(
+        "the compressor of the VTU file is `{compressor}`; it must be vtkZLibDataCompressor or vtkLZ4DataCompressor; export the volume \
+         mesh with one of these, or without compression"
+    )]
+    CompressorNotRead {
+        /// Name of the compressor.
+        compressor: String,
+    },
+    /// The second file of a volume is missing beside the first.
+    #[error(
+        "the volume needs the file `{path}`, which cannot be read ({cause}); copy that file beside the other, or export the volume mesh \
+         as one Gmsh or VTK file",
+        path = path.display()
+    )]
+    MissingCompanion {
+        /// The missing file.
+        path: PathBuf,
+        /// The error of the operating system.
+        #[source]
+        cause: std::io::Error,
+    },
+    /// The second file of a volume is not given.
+    #[error(
+        "the file .{given} of TetGen is given without the file .{needed}; give the content of both files"
+    )]
+    NeedsCompanion {
+        /// Extension of the file that is given.
+        given: &'static str,
+        /// Extension of the file that is needed.
+        needed: &'static str,
+    },
+    /// The file has something else than elements.
+    #[error(
+        "{format} file has the data set {content}; it must be an unstructured grid; export a mesh of tetrahedra"
+    )]
+    OtherDataSet {
+        /// Name of the format.
+        format: &'static str,
+        /// The data set, as the file names it.
+        content: String,
+    },
+    /// The file has elements of a type that is not read.
+    #[error(
+        "{format} file has {count} elements of the type {element}; solid elements must be tetrahedra, hexahedra, prisms or pyramids; \
+         divide the others before they are exported"
+    )]
+    ElementNotRead {
+        /// Name of the format.
+        format: &'static str,
+        /// Number and name of the type.
+        element: String,
+        /// Elements of this type, as far as they are known.
+        count: u64,
+    },
+    /// An element refers to a node that does not exist.
+    #[error(
+        "an element of the {format} file has the node {node}, which is none of its {node_count} nodes; export the volume mesh again"
+    )]
+    NodeNotFound {
+        /// Name of the format.
+        format: &'static str,
+        /// Number of the node, as the file counts.
+        node: u64,
+        /// Nodes of the file.
+        node_count: usize,
+    },
+    /// The file is valid and has no tetrahedra.
+    #[error(
+        "{format} file has no tetrahedra, but {content}; it must have at least one tetrahedron, hexahedron, prism or pyramid; export a \
+         volume mesh, or read the surface from a GLB, OBJ, STL or PLY file"
+    )]
+    NoTetrahedra {
+        /// Name of the format.
+        format: &'static str,
+        /// What the file contains.
+        content: String,
+    },
 }

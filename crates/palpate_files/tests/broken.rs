@@ -12,15 +12,15 @@ use palpate_files::{MeshFile, MeshFileError, MeshFormat};
 use serde_json::json;
 use std::time::{Duration, Instant};
 
-fn file_count() -> u64 {
+pub fn file_count() -> u64 {
     std::env::var("FILES").map_or(2000, |text| text.parse().unwrap())
 }
 
 /// A generator of `SplitMix64`.
-struct Random(u64);
+pub struct Random(pub u64);
 
 impl Random {
-    fn below(&mut self, bound: usize) -> usize {
+    pub fn below(&mut self, bound: usize) -> usize {
         self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
@@ -30,7 +30,7 @@ impl Random {
 }
 
 /// Truncates the file, or changes, inserts, removes or repeats some of its bytes from `start` on.
-fn damage(bytes: &[u8], start: usize, random: &mut Random) -> Vec<u8> {
+pub fn damage(bytes: &[u8], start: usize, random: &mut Random) -> Vec<u8> {
     const TOKENS: [&[u8]; 8] =
         [b"-1", b"0", b"9", b"4294967295", b"99999999999999999999", b"nan", b"\xff\xff\xff\xff", b"1e400"];
     let mut bytes = bytes.to_vec();
