@@ -64,7 +64,7 @@ fn invalid_bodies_are_faults_with_their_cause() {
                 let tissue = Tissue { youngs_modulus_pa: 1e12, ..default() };
                 world.spawn((DeformableBody::block([5, 5, 5], 0.001), tissue));
             }),
-            |kind| matches!(kind, HapticFaultKind::BuildBody(BodyError::Substeps { needed, .. }) if needed.ceil() == 440_836.0),
+            |kind| matches!(kind, HapticFaultKind::BuildBody(BodyError::Substeps { needed, .. }) if needed.ceil() == 661_375.0),
         ),
     ];
     for (what, spawn, is_expected) in cases {

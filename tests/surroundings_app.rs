@@ -122,7 +122,7 @@ fn resting_body_wakes_under_a_tool_and_sleeps_again() {
     assert!(!is_asleep(&app, entity));
     assert!(app.world().get::<ToolForce>(tool).unwrap().force_n.y > 0.1);
     app.world_mut().entity_mut(tool).despawn();
-    step(&mut app, 60);
+    step(&mut app, 80);
     assert!(is_asleep(&app, entity));
     assert_no_faults(&mut app);
 }

@@ -16,7 +16,7 @@ use palpate_stage::{Stage, StageOptions};
 /// A ball and a flat punch are pressed into a soft layer; force over depth is compared with Hertz and the flat punch.
 #[derive(Clone, Debug, Parser)]
 #[command(
-    after_help = "The layer is 180 by 60 by 180 mm, of 20 kPa and Poisson's ratio 1/4, with a fixed bottom; the ball has a radius of \
+    after_help = "The layer is 180 by 60 by 180 mm, of 20 kPa and Poisson's ratio 0.45, with a fixed bottom; the ball has a radius of \
     40 mm, the punch of 20 mm. In a window the mouse can press instead (key M).\n\nExamples:\n  indentation --tip ball\n  indentation --pictures . --at 2.4"
 )]
 pub struct Options {

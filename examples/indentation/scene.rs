@@ -16,6 +16,8 @@ const WIDTH_M: f64 = 0.18;
 const CELLS: usize = 4;
 /// Young's modulus, Pa.
 pub const YOUNGS_MODULUS_PA: f64 = 20e3;
+/// Poisson's ratio of the layer.
+pub const POISSONS_RATIO: f64 = 0.45;
 
 /// Tip of the tool.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -133,7 +135,7 @@ fn set_up(mut commands: Commands, mut measured: ResMut<Measured>) {
     let across = (WIDTH_M / THICKNESS_M) as usize * CELLS + 1;
     commands.spawn((
         DeformableBody::block_of_size([across, CELLS + 1, across], DVec3::new(WIDTH_M, THICKNESS_M, WIDTH_M)),
-        Tissue { youngs_modulus_pa: YOUNGS_MODULUS_PA, ..default() },
+        Tissue { youngs_modulus_pa: YOUNGS_MODULUS_PA, poissons_ratio: POISSONS_RATIO, ..default() },
         FixedRegion::Face(BoxFace::Bottom),
     ));
 }

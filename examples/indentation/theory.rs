@@ -1,15 +1,12 @@
 //! Forces on rigid tools pressed into an elastic body.
 
-use super::scene::Tip;
+use super::scene::{POISSONS_RATIO as NU, Tip};
 use std::f64::consts::PI;
 
 /// E/(1 − ν²), Pa.
 pub fn reduced_modulus_pa(youngs_modulus_pa: f64) -> f64 {
     youngs_modulus_pa / (1.0 - NU * NU)
 }
-
-/// Poisson's ratio of the spring lattice.
-const NU: f64 = 0.25;
 
 /// Force of a half-space, N: Hertz, F = 4/3 E* √R d^1.5, for the ball; F = 2 E* a d for the punch.
 pub fn half_space_n(tip: Tip, modulus_pa: f64, depth_m: f64) -> f64 {

@@ -32,9 +32,9 @@ impl Plugin for ScenePlugin {
 }
 
 /// Height of the organ's frame when its surface just touches the table, m.
-const UP_M: f32 = 0.0266;
+const UP_M: f32 = 0.0257;
 /// Position of the organ's frame along x, m.
-const ACROSS_M: f32 = 0.0188;
+const ACROSS_M: f32 = 0.0190;
 
 /// The organ at rest, before the first contact.
 #[derive(Resource)]
@@ -61,8 +61,8 @@ fn organ(assets: &AssetServer) -> impl Bundle {
         Transform::from_xyz(ACROSS_M, UP_M, 0.0).with_rotation(Quat::from_euler(
             EulerRot::YXZ,
             0.0,
-            3.8_f32.to_radians(),
-            -17.5_f32.to_radians(),
+            4.0_f32.to_radians(),
+            -18.8_f32.to_radians(),
         )),
     )
 }
