@@ -1,4 +1,6 @@
 use super::*;
+use crate::elastic_law::inner;
+use crate::{ElasticLaw, LameParameters, Relaxation};
 use glam::DQuat;
 
 /// Nothing has relaxed.
