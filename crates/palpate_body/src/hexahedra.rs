@@ -165,6 +165,25 @@ impl Hexahedra {
     }
 }
 
+impl Hexahedra {
+    /// Adds the change of the forces on all nodes but `node` by its displacement `moved`, m, to first order.
+    pub(crate) fn add_force_change(
+        &self,
+        (x, relaxed): (&[DVec3], &[RelaxedStress]),
+        (node, moved): (usize, DVec3),
+        force: &mut [DVec3],
+    ) {
+        for &index in self.incident(node) {
+            let element = self.get(index);
+            let blocks = element.stiffness_n_per_m(x, relaxed_of(relaxed, index), false);
+            let column = element.nodes.iter().position(|other| *other == node);
+            for (row, &other) in element.nodes.iter().enumerate().filter(|(_, other)| **other != node) {
+                force[other] -= column.map_or(DMat3::ZERO, |column| blocks[row][column]) * moved;
+            }
+        }
+    }
+}
+
 /// The relaxed stress of an element whose stress has not relaxed.
 const FRESH: RelaxedStress = [[0.0; 6]; palpate_laws::MAX_PRONY_TERMS];
 

@@ -1,5 +1,4 @@
 use super::*;
-use crate::elastic_law::inner;
 use crate::{ElasticLaw, LameParameters, Relaxation};
 use glam::DQuat;
 
