@@ -4,6 +4,8 @@ mod elements;
 mod slit;
 mod tissue;
 
+pub use elements::cell_tetrahedra;
+
 pub use slit::Slit;
 
 use crate::error::{check_damping_ratio, check_positive};

@@ -72,7 +72,7 @@ pub struct Body {
     candidates: ObstacleCandidates,
     x: Vec<DVec3>,
     v: Vec<DVec3>,
-    /// Relaxed stress of every element; empty where none relaxes.
+    /// Relaxed stress of every hexahedron, and then of every smoothed domain of a node; empty where none relaxes.
     relaxed: Vec<RelaxedStress>,
     /// The largest stress that has not relaxed, over the shear modulus.
     to_relax: f64,
@@ -117,8 +117,8 @@ pub struct BodyState {
     pub is_touched: bool,
     /// Ties, including torn ones.
     pub ties: Vec<Tie>,
-    /// Relaxed stress of every element times its volume, J: xx, yy, zz, xy, yz, zx of each term of the Prony series. Empty where no element
-    /// relaxes.
+    /// Relaxed stress of every hexahedron, and then of every smoothed domain of a node of tetrahedra, times its volume, J: xx, yy, zz, xy, yz, zx
+    /// of each term of the Prony series. Empty where no element relaxes.
     #[cfg_attr(feature = "serde", serde(default))]
     pub relaxed_stress_j: Vec<RelaxedStress>,
     /// Position of the fixed nodes relative to rest, m; see [`Body::move_fixed`].
@@ -176,7 +176,7 @@ impl Body {
             active_cells: ActiveCells::default(),
             v: still,
             x,
-            relaxed: fresh(&network),
+            relaxed: vec![RelaxedStress::default(); network.relaxed_count()],
             to_relax: 0.0,
             network: Arc::new(network),
             surface: Arc::new(surface),
@@ -351,6 +351,12 @@ impl Body {
         &self.relaxed
     }
 
+    /// The part of the smoothed domains in [`Body::relaxed_stress_j`], in the order of the domains of nodes.
+    #[must_use]
+    pub fn relaxed_stress_of_domains_j(&self) -> &[RelaxedStress] {
+        self.network.split_relaxed(&self.relaxed).1
+    }
+
     /// Whether the body is at rest: no node and no rigid obstacle was faster than 0.1 mm/s for 0.1 s.
     ///
     /// While its surroundings do not change, it needs no steps: [`Body::advance`] without a tool sets its velocities to
@@ -368,12 +374,12 @@ impl Body {
     /// As [`Body::set_state`].
     pub fn adopt_motion(&mut self, other: &Self) -> Result<(), BodyError> {
         self.set_state(&other.x, &other.v)?;
+        let (now, before) = (self.network.relaxing_materials(), other.network.relaxing_materials());
         if self.relaxed.len() == other.relaxed.len() {
-            let shear_j =
-                |body: &Self, index: usize| body.network.hexahedra().get(index).material.parameters_j.mu;
-            for index in 0..self.relaxed.len() {
-                let share = shear_j(self, index) / shear_j(other, index);
-                self.relaxed[index] = other.relaxed[index].map(|of| of.map(|stress| share * stress));
+            let pairs = self.relaxed.iter_mut().zip(&other.relaxed).zip(now.zip(before));
+            for ((to, from), (now, before)) in pairs {
+                let share = now.parameters_j.mu / before.parameters_j.mu;
+                *to = from.map(|of| of.map(|stress| share * stress));
             }
         }
         Ok(())
@@ -452,7 +458,7 @@ impl Body {
     pub fn internal_forces_n(&self, force_n: &mut [DVec3]) {
         assert_eq!(force_n.len(), self.x.len(), "one force for each node");
         spring_forces(&self.network, &self.x, &self.v, force_n);
-        self.network.hexahedra().add_forces((&self.x, &self.v, &self.relaxed), force_n);
+        self.network.add_element_forces((&self.x, &self.v, &self.relaxed), force_n);
         self.network.add_drag(&self.v, force_n);
         self.network.barriers().add_all_forces(&self.x, force_n);
     }
@@ -466,7 +472,7 @@ impl Body {
             let f = link.spring.force_on_a(self.x[link.b] - self.x[link.a], self.v[link.b] - self.v[link.a]);
             sum += if link.a == node { f } else { -f };
         }
-        sum += self.network.hexahedra().force_on_n((&self.x, &self.v, &self.relaxed), node);
+        sum += self.network.element_force_on_n((&self.x, &self.v, &self.relaxed), node);
         sum -= self.network.drag_ns_per_m().get(node).copied().unwrap_or_default() * self.v[node];
         match self.network.barriers().force_on_n(&self.x, node) {
             Some(force) => sum + force,
@@ -484,18 +490,19 @@ impl Body {
         self.network.barriers().tetrahedra_below(ratio, &self.x)
     }
 
-    /// Indices in [`Network::cells`] of the inverted cells, ascending. A cell is inverted if the volume ratio J of at
-    /// least one of its ten tetrahedra is zero or negative (see [`BarrierTetrahedron`]).
+    /// Indices in [`Network::cells`] of the inverted cells, ascending. A cell of springs is inverted if the volume ratio J of at least one of its
+    /// ten tetrahedra is zero or negative (see [`BarrierTetrahedron`]), a hexahedral element if the determinant of its mean deformation gradient is.
     pub fn inverted_cells(&self) -> impl Iterator<Item = usize> + '_ {
         let cells = self.network.barriers();
-        (0..cells.nodes().len()).filter(|&cell| cells.is_inverted(cell, &self.x))
+        let of_springs = (0..cells.with_barriers()).filter(|&cell| cells.is_inverted(cell, &self.x));
+        let of_elements = self.network.hexahedra().inverted(&self.x);
+        of_springs.chain(of_elements.map(|element| cells.with_barriers() + element))
     }
-}
 
-/// Relaxed stress of the elements of a network that has not relaxed.
-fn fresh(network: &Network) -> Vec<RelaxedStress> {
-    let count = if network.hexahedra().relax_at_all() { network.hexahedra().len() } else { 0 };
-    vec![RelaxedStress::default(); count]
+    /// Indices in [`Network::tetrahedra`] of the inverted tetrahedra, ascending.
+    pub fn inverted_tetrahedra(&self) -> impl Iterator<Item = usize> + '_ {
+        self.network.tetrahedra().inverted(&self.x)
+    }
 }
 
 /// Writes the forces of springs and dampers on all nodes, N.

@@ -9,7 +9,7 @@ use palpate_laws::{ElasticLaw, ElementMaterial, LameParameters, Relaxation};
 const SAMPLES: usize = 4;
 
 /// Tissue of a cell, which may be a mixture.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CellTissue {
     pub(crate) youngs_modulus_pa: f64,
     pub(crate) poissons_ratio: f64,

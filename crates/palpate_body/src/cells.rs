@@ -16,13 +16,11 @@ use palpate_laws::VolumeBarrier;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Cells {
     nodes: Vec<[usize; 8]>,
-    /// Volume barriers of each cell; those of elements do not act.
+    /// Volume barriers of each cell of springs; these come first.
     barriers: Vec<[VolumeBarrier; TETRAHEDRA.len()]>,
-    /// Number of cells of springs, the first ones.
-    with_barriers: usize,
-    /// Cells of each node.
+    /// Cells of springs of each node.
     incidence: Incidence,
-    /// Shortest edge at rest, m.
+    /// Shortest edge of the cells of springs at rest, m.
     shortest_m: f64,
 }
 
@@ -123,8 +121,8 @@ impl BarrierTetrahedron {
 }
 
 impl Cells {
-    /// Creates cells of springs with the given nodes and energies E V, J, and those of elements. A cell without volume at rest or without
-    /// energy is omitted.
+    /// Creates cells of springs with the given nodes and energies E V, J, and those of elements. A cell of springs without volume at rest or
+    /// without energy is omitted.
     ///
     /// The energy scales c of the tetrahedra of a cell sum to E V. The barrier then has a pressure of 1.04 E at J = 0 and of 2 E at J = −0.5;
     /// the springs of a flat cell pull with up to 0.55 E towards the inverted side.
@@ -134,9 +132,8 @@ impl Cells {
         rest_m: &[DVec3],
     ) -> Self {
         let mut made = Self { shortest_m: f64::INFINITY, ..Self::default() };
-        let of_springs = of_springs.map(|(cell, energy_j)| (cell, Some(energy_j / TETRAHEDRA.len() as f64)));
-        for (cell, spring_energy_j) in of_springs.chain(of_elements.map(|cell| (cell, None))) {
-            let energy_j = spring_energy_j.unwrap_or(1.0);
+        for (cell, energy_j) in of_springs {
+            let energy_j = energy_j / TETRAHEDRA.len() as f64;
             let rest = |of: [usize; 4]| edges_m(rest_m, of.map(|corner| cell[corner]));
             let [Some(a), Some(b), Some(c), Some(d), Some(e), Some(f), Some(g), Some(h), Some(i), Some(j)] =
                 TETRAHEDRA.map(|of| VolumeBarrier::new(rest(of), energy_j))
@@ -148,9 +145,9 @@ impl Cells {
                 made.shortest_m = made.shortest_m.min(edge.length());
             }
             made.nodes.push(cell);
-            made.with_barriers += usize::from(spring_energy_j.is_some());
         }
         made.incidence = Incidence::new(rest_m.len(), made.nodes.iter().copied());
+        made.nodes.extend(of_elements);
         made
     }
 
@@ -159,19 +156,19 @@ impl Cells {
         &self.nodes
     }
 
-    /// The other nodes of the cells of `node`, with duplicates.
+    /// Number of cells of springs, which have barriers and come first.
+    pub(crate) fn with_barriers(&self) -> usize {
+        self.barriers.len()
+    }
+
+    /// The other nodes of the cells of springs of `node`, with duplicates.
     pub(crate) fn cell_mates(&self, node: usize) -> impl Iterator<Item = usize> + '_ {
         self.cells_of(node).iter().flat_map(|&cell| self.nodes[cell]).filter(move |&other| other != node)
     }
 
-    /// Indices of the cells of `node`.
+    /// Indices of the cells of springs of `node`.
     fn cells_of(&self, node: usize) -> &[usize] {
         self.incidence.of(node)
-    }
-
-    /// Whether the barriers of `cell` may act.
-    fn has_barriers(&self, cell: usize) -> bool {
-        cell < self.with_barriers
     }
 
     fn tetrahedra(&self, cell: usize) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
@@ -182,9 +179,9 @@ impl Cells {
             .map(|(of, &barrier)| BarrierTetrahedron { nodes: of.map(|corner| nodes[corner]), barrier })
     }
 
-    /// All tetrahedra with barriers that may act, cell by cell.
+    /// All tetrahedra with barriers, cell by cell.
     pub(crate) fn all_tetrahedra(&self) -> impl Iterator<Item = BarrierTetrahedron> + '_ {
-        (0..self.with_barriers).flat_map(|cell| self.tetrahedra(cell))
+        (0..self.with_barriers()).flat_map(|cell| self.tetrahedra(cell))
     }
 
     /// Tetrahedra whose volume ratio is below `ratio` at the positions `x`.
@@ -207,8 +204,7 @@ impl Cells {
     /// Force of the barriers on `node`, N; `None` if no barrier acts.
     pub(crate) fn force_on_n(&self, x: &[DVec3], node: usize) -> Option<DVec3> {
         let mut sum = None;
-        let cells = self.cells_of(node).iter().filter(|cell| self.has_barriers(**cell));
-        for tetrahedron in cells.flat_map(|&cell| self.tetrahedra(cell)) {
+        for tetrahedron in self.cells_of(node).iter().flat_map(|&cell| self.tetrahedra(cell)) {
             let place = tetrahedron.nodes.iter().position(|&other| other == node);
             if let Some(place) = place.filter(|_| VolumeBarrier::is_active(tetrahedron.ratio(x))) {
                 *sum.get_or_insert(DVec3::ZERO) += tetrahedron.forces_n(x)[place];
@@ -230,7 +226,7 @@ impl Cells {
 
     /// Adds the forces of all barriers, N.
     pub(crate) fn add_all_forces(&self, x: &[DVec3], force: &mut [DVec3]) {
-        (0..self.with_barriers).for_each(|cell| self.add_forces(cell, x, force));
+        (0..self.with_barriers()).for_each(|cell| self.add_forces(cell, x, force));
     }
 
     /// Energy of all barriers, J.
@@ -238,7 +234,7 @@ impl Cells {
         self.all_tetrahedra().map(|tetrahedron| tetrahedron.barrier.energy_j(tetrahedron.ratio(x))).sum()
     }
 
-    /// Whether a tetrahedron of `cell` is flat or inverted.
+    /// Whether a tetrahedron of a cell of springs is flat or inverted.
     pub(crate) fn is_inverted(&self, cell: usize, x: &[DVec3]) -> bool {
         self.tetrahedra(cell).any(|tetrahedron| tetrahedron.ratio(x) <= 0.0)
     }

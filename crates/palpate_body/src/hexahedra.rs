@@ -157,6 +157,13 @@ impl Hexahedra {
         self.incident(node).iter().map(of).sum()
     }
 
+    /// Indices of the inverted elements: the determinant of the mean deformation gradient is zero or negative.
+    pub(crate) fn inverted<'a>(&'a self, x: &'a [DVec3]) -> impl Iterator<Item = usize> + 'a {
+        let is_inverted =
+            |of: Hexahedron<'_>| of.shape.deformation_gradient(&of.corners(x)).determinant() <= 0.0;
+        (0..self.len()).filter(move |&index| is_inverted(self.get(index)))
+    }
+
     /// Elastic energy of all elements, J.
     pub(crate) fn energy_j(&self, x: &[DVec3], relaxed: &[RelaxedStress]) -> f64 {
         let of = |(index, of): (usize, Hexahedron<'_>)| {
@@ -178,6 +185,25 @@ impl Hexahedra {
             for node in element.nodes {
                 bounds[node].0 += k;
                 bounds[node].1 += b;
+            }
+        }
+    }
+}
+
+impl Hexahedra {
+    /// Adds the change of the forces on all nodes but `node` by its displacement `moved`, m, to first order.
+    pub(crate) fn add_force_change(
+        &self,
+        (x, relaxed): (&[DVec3], &[RelaxedStress]),
+        (node, moved): (usize, DVec3),
+        force: &mut [DVec3],
+    ) {
+        for &index in self.incident(node) {
+            let element = self.get(index);
+            let blocks = element.stiffness_n_per_m(x, relaxed_of(relaxed, index), false);
+            let column = element.nodes.iter().position(|other| *other == node);
+            for (row, &other) in element.nodes.iter().enumerate().filter(|(_, other)| **other != node) {
+                force[other] -= column.map_or(DMat3::ZERO, |column| blocks[row][column]) * moved;
             }
         }
     }

@@ -1,6 +1,7 @@
 //! A network of point masses with the springs, dampers and elements between them: a body without its state.
 
 mod builder;
+mod elements;
 mod grid;
 mod state;
 
@@ -11,7 +12,7 @@ pub(crate) use state::NetworkState;
 use crate::cells::{Cells, spring_energies_j};
 use crate::error::check;
 use crate::incidence::Incidence;
-use crate::{BodyError, Hexahedra, Link};
+use crate::{BodyError, Hexahedra, Link, Tetrahedra};
 use glam::{DQuat, DVec3};
 use std::collections::HashMap;
 
@@ -25,6 +26,7 @@ struct NetworkParts {
     /// Nodes of each hexahedral cell of springs.
     cells: Vec<[usize; 8]>,
     hexahedra: Hexahedra,
+    tetrahedra: Tetrahedra,
     allow_free: bool,
 }
 
@@ -45,6 +47,7 @@ pub struct Network {
     neighbour: Vec<u32>,
     neighbour_start: Vec<usize>,
     hexahedra: Hexahedra,
+    tetrahedra: Tetrahedra,
     cells: Cells,
     allow_free: bool,
     linear: bool,
@@ -63,7 +66,7 @@ impl Network {
         fixed: Vec<bool>,
         links: Vec<Link>,
     ) -> Result<Self, BodyError> {
-        let (cells, hexahedra) = (Vec::new(), Hexahedra::default());
+        let (cells, hexahedra, tetrahedra) = (Vec::new(), Hexahedra::default(), Tetrahedra::default());
         let (drag_ns_per_m, allow_free) = (Vec::new(), false);
         Self::assemble(NetworkParts {
             rest_m,
@@ -73,6 +76,7 @@ impl Network {
             links,
             cells,
             hexahedra,
+            tetrahedra,
             allow_free,
         })
     }
@@ -86,6 +90,7 @@ impl Network {
             links,
             cells,
             mut hexahedra,
+            mut tetrahedra,
             allow_free,
         } = parts;
         validate_nodes(&rest_m, &mass_kg, &fixed)?;
@@ -100,12 +105,12 @@ impl Network {
         }
         let incidence = Incidence::new(rest_m.len(), links.iter().map(|link| [link.a, link.b]));
         hexahedra.find_incidence(rest_m.len());
+        tetrahedra.form_domains(&rest_m)?;
         let energies_j = spring_energies_j(&cells, &rest_m, &links, &incidence);
         let of_elements = hexahedra.iter().map(|of| of.nodes);
         let cells = Cells::new(cells.into_iter().zip(energies_j), of_elements, &rest_m);
-        let (neighbour, neighbour_start) = neighbours(rest_m.len(), &links, &incidence, &hexahedra);
-        let linear = links.iter().all(|link| link.spring.law().is_linear()) && hexahedra.is_empty();
-        let network = Self {
+        let mut network = Self {
+            linear: links.iter().all(|link| link.spring.law().is_linear()),
             rest_m,
             mass_kg,
             drag_ns_per_m,
@@ -114,14 +119,16 @@ impl Network {
             free,
             free_index,
             incidence,
-            neighbour,
-            neighbour_start,
+            neighbour: Vec::new(),
+            neighbour_start: Vec::new(),
             hexahedra,
+            tetrahedra,
             cells,
             allow_free,
-            linear,
             grid: None,
         };
+        network.linear &= !network.has_elements();
+        network.find_neighbours();
         if !allow_free {
             network.validate_parts()?;
         }
@@ -168,6 +175,7 @@ impl Network {
         check("translation, m", far, translation_m.is_finite(), "finite")?;
         self.rest_m.iter_mut().for_each(|x| *x = rotation * *x + translation_m);
         self.hexahedra.turn(rotation);
+        self.tetrahedra.turn(rotation);
         self.grid = self.grid.map(|grid| grid.turned(rotation));
         Ok(self)
     }
@@ -237,7 +245,14 @@ impl Network {
 
     /// Pairs of nodes that a link joins, and those on the edges of elements.
     pub fn edges(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        self.links.iter().map(|link| [link.a, link.b]).chain(self.hexahedra.edges())
+        let of_elements = self.hexahedra.edges().chain(self.tetrahedra.edges());
+        self.links.iter().map(|link| [link.a, link.b]).chain(of_elements)
+    }
+
+    /// Tetrahedral elements.
+    #[must_use]
+    pub fn tetrahedra(&self) -> &Tetrahedra {
+        &self.tetrahedra
     }
 
     /// Whether the force of every spring is proportional to its extension, and there are no elements.
@@ -281,36 +296,36 @@ impl Network {
         self.neighbour[self.neighbour_range(node)].iter().map(|other| *other as usize)
     }
 
+    /// Lists the nodes that share a link or an element with each node: first the linked ones in the order of the links.
+    fn find_neighbours(&mut self) {
+        let (mut neighbour, mut start) = (Vec::with_capacity(2 * self.links.len()), vec![0]);
+        for node in 0..self.node_count() {
+            let first = neighbour.len();
+            for &link in self.incidence.of(node) {
+                let Link { a, b, .. } = self.links[link];
+                neighbour.push(if a == node { b } else { a } as u32);
+            }
+            let linked = neighbour.len();
+            let mut mates: Vec<u32> = self.element_mates(node).map(|other| other as u32).collect();
+            mates.sort_unstable();
+            mates.dedup();
+            mates.retain(|other| *other as usize != node && !neighbour[first..linked].contains(other));
+            neighbour.extend(mates);
+            start.push(neighbour.len());
+        }
+        (self.neighbour, self.neighbour_start) = (neighbour, start);
+    }
+
+    /// Number of nodes that share a link or an element with `node`.
+    #[must_use]
+    pub fn neighbour_count(&self, node: usize) -> usize {
+        self.neighbour_range(node).len()
+    }
+
     /// Range of the neighbours of `node` in a list of those of all nodes.
     pub(crate) fn neighbour_range(&self, node: usize) -> std::ops::Range<usize> {
         self.neighbour_start[node]..self.neighbour_start[node + 1]
     }
-}
-
-/// Nodes that share a link or an element with each node, and where they start: first the linked ones in the order of the links.
-fn neighbours(
-    nodes: usize,
-    links: &[Link],
-    incidence: &Incidence,
-    hexahedra: &Hexahedra,
-) -> (Vec<u32>, Vec<usize>) {
-    let (mut neighbour, mut start) = (Vec::with_capacity(2 * links.len()), vec![0]);
-    for node in 0..nodes {
-        let first = neighbour.len();
-        for &link in incidence.of(node) {
-            let Link { a, b, .. } = links[link];
-            neighbour.push(if a == node { b } else { a } as u32);
-        }
-        let linked = neighbour.len();
-        let corners = hexahedra.incident(node).iter().flat_map(|element| hexahedra.get(*element).nodes);
-        let mut mates: Vec<u32> = corners.map(|other| other as u32).collect();
-        mates.sort_unstable();
-        mates.dedup();
-        mates.retain(|other| *other as usize != node && !neighbour[first..linked].contains(other));
-        neighbour.extend(mates);
-        start.push(neighbour.len());
-    }
-    (neighbour, start)
 }
 
 fn validate_nodes(rest_m: &[DVec3], mass_kg: &[f64], fixed: &[bool]) -> Result<(), BodyError> {

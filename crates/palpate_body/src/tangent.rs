@@ -2,10 +2,11 @@
 
 use crate::hexahedra::relaxed_of;
 use crate::network::NetworkState;
-use crate::{Hexahedron, Network};
+use crate::smoothed_domains;
+use crate::{Hexahedron, Network, SmoothedDomain};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
 use glam::{DMat3, DVec3};
-use palpate_laws::HexahedronBlocks;
+use palpate_laws::{HexahedronBlocks, stress_block, stress_change};
 
 /// Sparsity pattern of a network's tangent. It is computed once, since the links and elements of a body never change. Degree of
 /// freedom 3 f + c is component c of node `network.free()[f]`.
@@ -15,6 +16,8 @@ pub struct TangentPattern {
     links: Vec<LinkSlots>,
     /// First entries of the blocks of each hexahedron, by columns; [`NO_ENTRY`] where a corner is fixed.
     hexahedra: Vec<[[u32; 8]; 8]>,
+    /// The same of each smoothed domain, one after the other.
+    domains: Vec<u32>,
 }
 
 /// No entry of the matrix.
@@ -92,16 +95,23 @@ impl TangentPattern {
                 }
             })
             .collect();
+        let first = |column: Option<usize>, row: Option<usize>| {
+            row.zip(column).map_or(NO_ENTRY, |(row, column)| slot(row, column).first as u32)
+        };
         let of_element = |element: Hexahedron<'_>| {
             let free = element.nodes.map(|node| network.free_index(node));
-            let first = |column: Option<usize>, row: Option<usize>| {
-                row.zip(column).map_or(NO_ENTRY, |(row, column)| slot(row, column).first as u32)
-            };
             free.map(|column| free.map(|row| first(column, row)))
         };
         let hexahedra = network.hexahedra().iter().map(of_element).collect();
+        let mut domains = Vec::new();
+        for SmoothedDomain { nodes, .. } in network.tetrahedra().domains().iter() {
+            let free = || nodes.iter().map(|node| network.free_index(*node as usize));
+            domains.extend(
+                free().flat_map(|column| free().map(move |row| (column, row))).map(|(c, r)| first(c, r)),
+            );
+        }
         let symbolic = SymbolicSparseColMat::new_checked(dofs, dofs, starts, None, rows);
-        Self { symbolic, links, hexahedra }
+        Self { symbolic, links, hexahedra, domains }
     }
 
     /// Creates a zero tangent with this pattern.
@@ -118,10 +128,12 @@ impl TangentPattern {
     /// [`TangentPattern::fill`] in a given state, with separate clamping for springs and elements, and for volume barriers.
     pub(crate) fn fill_at(
         &self,
-        NetworkState { network, x, relaxed, .. }: NetworkState<'_>,
+        state: NetworkState<'_>,
         (springs_clamped, barriers_clamped): (bool, bool),
         tangent: &mut Tangent,
     ) {
+        let NetworkState { network, x, relaxed, .. } = state;
+        let of_hexahedra = network.split_relaxed(relaxed).0;
         assert_eq!(self.links.len(), network.links().len(), "the pattern is of another network");
         assert_eq!(
             self.symbolic.row_idx().len(),
@@ -155,7 +167,7 @@ impl TangentPattern {
                     }
                 }
             };
-            let stiffness = element.stiffness_n_per_m(x, relaxed_of(relaxed, index), springs_clamped);
+            let stiffness = element.stiffness_n_per_m(x, relaxed_of(of_hexahedra, index), springs_clamped);
             add(&stiffness, &mut tangent.stiffness);
             if let Some(blocks) = element.damping_ns_per_m(x) {
                 add(&blocks, &mut tangent.damping);
@@ -167,6 +179,7 @@ impl TangentPattern {
                 slot.add(DMat3::from_diagonal(DVec3::splat(*drag)), &mut tangent.damping);
             }
         }
+        self.add_domains(state, springs_clamped, tangent);
         for tetrahedron in network.barriers().active_tetrahedra(x) {
             let free = tetrahedron.nodes.map(|node| network.free_index(node));
             for (row, blocks) in free.into_iter().zip(tetrahedron.stiffness(x, barriers_clamped)) {
@@ -175,6 +188,38 @@ impl TangentPattern {
                     if let Some(slot) = nodes.and_then(|(row, column)| Slot::of(&self.symbolic, row, column))
                     {
                         slot.add(block, &mut tangent.stiffness);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Adds the blocks of the smoothed domains.
+    fn add_domains(&self, state: NetworkState<'_>, clamped: bool, tangent: &mut Tangent) {
+        let NetworkState { network, x, relaxed, .. } = state;
+        let relaxed = network.split_relaxed(relaxed).1;
+        let mut first = self.domains.as_slice();
+        for (index, domain) in network.tetrahedra().domains().iter().enumerate() {
+            let count = domain.nodes.len();
+            let (of_domain, rest) = first.split_at(count * count);
+            first = rest;
+            let f = domain.gradient(x);
+            let relaxed = smoothed_domains::relaxed_of(relaxed, index);
+            let stiffness = domain.material.tangent_j(&f, relaxed, clamped);
+            let damping = domain.material.viscous_tangent_js(&f);
+            let parts = [(Some(stiffness), &mut tangent.stiffness), (damping, &mut tangent.damping)];
+            for (of_stress, values) in parts {
+                let Some(of_stress) = of_stress else { continue };
+                let columns =
+                    domain.nodes.iter().zip(domain.gradients_per_m).zip(of_domain.chunks_exact(count));
+                for ((node, b), rows) in columns {
+                    let Some(column) = network.free_index(*node as usize) else { continue };
+                    let stride = self.symbolic.col_range(3 * column).len();
+                    let change = stress_change(&of_stress, *b);
+                    for (first, b) in
+                        rows.iter().zip(domain.gradients_per_m).filter(|(first, _)| **first != NO_ENTRY)
+                    {
+                        Slot { first: *first as usize, stride }.add(stress_block(&change, *b), values);
                     }
                 }
             }

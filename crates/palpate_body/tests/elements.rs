@@ -1,47 +1,12 @@
 //! Hexahedral elements against closed forms and converged solutions. The reference values are those of quadratic elements on graded meshes,
 //! extrapolated (cases 2, 3 and 6).
 
+use crate::element_bodies::*;
 use crate::mesh::ripple::{press, ripple};
 use glam::{DMat3, DVec3};
 use palpate_body::*;
 
-const E: f64 = 20e3;
-
-fn tissue(law: ElasticLaw, poissons_ratio: f64) -> Tissue {
-    Tissue { youngs_modulus_pa: E, poissons_ratio, law, ..Tissue::default() }
-}
-
-const LINEAR: ElasticLaw = ElasticLaw::CorotationalLinear;
-
-fn newton(body: &mut Body, steps: usize) {
-    let solver = LinearSolver::Cholesky;
-    let newton = LinearlyImplicitEuler { tick_s: 1e4, solver, ..LinearlyImplicitEuler::default() };
-    body.advance(None, steps, newton).unwrap();
-}
-
-/// Case 2 and 6a: a cube of 0.1 m, bonded at its bottom and at its top, which is lowered by `down_m`. The force on the top, N.
-fn bonded_cube(cells: usize, tissue: &Tissue, down_m: f64) -> f64 {
-    let block = Block::new([cells + 1; 3], DVec3::splat(0.1)).unwrap().fix(Face::NegZ).fix(Face::PosZ);
-    let block = block.elements(tissue).unwrap();
-    let mut body = Body::new(block.network, block.surface).unwrap();
-    let rest = body.positions_m().to_vec();
-    let is_top = |x: &DVec3| x.z > 0.05 - 1e-9;
-    let steps = if down_m < 2e-3 { 1 } else { 4 };
-    for step in 1..=steps {
-        let share = f64::from(step) / f64::from(steps);
-        let before = body.positions_m().to_vec();
-        let x: Vec<DVec3> = rest
-            .iter()
-            .zip(before)
-            .map(|(rest, now)| if is_top(rest) { *rest - share * down_m * DVec3::Z } else { now })
-            .collect();
-        body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
-        newton(&mut body, 6);
-    }
-    let mut force = vec![DVec3::ZERO; rest.len()];
-    body.internal_forces_n(&mut force);
-    rest.iter().zip(force).filter(|(x, _)| is_top(x)).map(|(_, f)| f.z).sum()
-}
+const HEXAHEDRA: Family = Family::Hexahedra;
 
 #[test]
 fn bonded_cube_has_the_converged_stiffness() {
@@ -53,38 +18,12 @@ fn bonded_cube_has_the_converged_stiffness() {
         (ElasticLaw::NeoHookean, 0.45, 1e-2, 25.805_21),
     ];
     for (law, nu, down_m, reference_n) in cases {
-        let errors = [4, 8, 16].map(|cells| bonded_cube(cells, &tissue(law, nu), down_m) / reference_n - 1.0);
+        let errors = [4, 8, 16]
+            .map(|cells| bonded_cube(HEXAHEDRA, cells, &tissue(law, nu), down_m) / reference_n - 1.0);
         // The edge of the bond is singular: the order is below 2.
         let falls = errors.windows(2).all(|pair| (0.0..0.52 * pair[0]).contains(&pair[1]));
         assert!(falls && errors[2] < 0.011, "{law:?} {nu}: {errors:?}");
     }
-}
-
-/// The cantilever of cases 3 and 6b: 0.1 m × 0.02 m × 0.02 m along x, clamped at its lower end.
-fn cantilever(cells: usize, tissue: &Tissue) -> (Body, Vec<(usize, f64)>) {
-    let across = (cells as f64 / 5.0).round() as usize;
-    let block = Block::new([cells + 1, across + 1, across + 1], DVec3::new(0.1, 0.02, 0.02)).unwrap();
-    let block = block.fix(Face::NegX).elements(tissue).unwrap();
-    let body = Body::new(block.network, block.surface).unwrap();
-    let on_edge = |x: f64| if x.abs() > 0.01 - 1e-9 { 0.5 } else { 1.0 };
-    // Weights of the nodes of the end face in its mean.
-    let end = body.network().rest_m().iter().enumerate().filter(|(_, x)| x.x > 0.05 - 1e-9);
-    let total = (across * across) as f64;
-    let weights = end.map(|(node, x)| (node, on_edge(x.y) * on_edge(x.z) / total)).collect();
-    (body, weights)
-}
-
-/// Mean displacement of the end of a cantilever under `load_n`, applied in `steps`, m.
-fn end_deflection(cells: usize, tissue: &Tissue, load_n: DVec3, steps: usize) -> DVec3 {
-    let (mut body, end) = cantilever(cells, tissue);
-    for step in 1..=steps {
-        let mut loads = vec![DVec3::ZERO; body.network().node_count()];
-        end.iter().for_each(|&(node, w)| loads[node] = load_n * (w * step as f64 / steps as f64));
-        body.set_loads(&loads).unwrap();
-        newton(&mut body, 6);
-    }
-    let moved = |node: usize| body.positions_m()[node] - body.network().rest_m()[node];
-    end.iter().map(|&(node, w)| w * moved(node)).sum()
 }
 
 #[test]
@@ -92,45 +31,22 @@ fn cantilever_bends_as_the_converged_solution() {
     for (nu, reference_m) in [(0.25, 1.275_759e-3), (0.45, 1.253_473e-3), (0.49, 1.246_259e-3)] {
         // So small that the deflection is linear.
         let of = |cells| {
-            1e3 * end_deflection(cells, &tissue(LINEAR, nu), 1e-6 * DVec3::Z, 1).z / reference_m - 1.0
+            1e3 * end_deflection(HEXAHEDRA, cells, &tissue(LINEAR, nu), 1e-6 * DVec3::Z, 1).z / reference_m
+                - 1.0
         };
         let errors = [8, 16, 24].map(of);
         // Two, three and five cells across.
         assert!(errors[1].abs() < 0.01 && errors[2].abs() < 0.16 * errors[0].abs(), "{nu}: {errors:?}");
     }
-    let u = end_deflection(16, &tissue(ElasticLaw::NeoHookean, 0.45), -0.054 * DVec3::Z, 8);
+    let u = end_deflection(HEXAHEDRA, 16, &tissue(ElasticLaw::NeoHookean, 0.45), -0.054 * DVec3::Z, 8);
     let errors = [u.x / -0.016_215_93 - 1.0, u.z / -0.050_860_88 - 1.0];
     assert!(errors.iter().all(|error| error.abs() < 0.01), "{errors:?}");
-}
-
-/// Lowest natural frequency, Hz, by inverse iteration with static solutions from `start`.
-fn frequency_hz(body: &mut Body, start: impl Fn(DVec3) -> DVec3) -> f64 {
-    const SIZE_M: f64 = 1e-9;
-    let (rest, mass) = (body.network().rest_m().to_vec(), body.network().mass_kg().to_vec());
-    let mut u: Vec<DVec3> = rest.iter().map(|x| start(*x)).collect();
-    let mut rate2 = 0.0_f64;
-    for _ in 0..6 {
-        let form = |u: &[DVec3]| u.iter().zip(&mass).map(|(u, m)| m * u.length_squared()).sum::<f64>();
-        let size = SIZE_M / u.iter().map(|u| u.length()).fold(0.0, f64::max);
-        // About the square of the frequency: the response is as small as the shape.
-        let scale = size * rate2.max(10.0);
-        let loads: Vec<DVec3> = u.iter().zip(&mass).map(|(u, m)| scale * *m * *u).collect();
-        body.set_state(&rest, &vec![DVec3::ZERO; rest.len()]).unwrap();
-        body.set_loads(&loads).unwrap();
-        newton(body, 1);
-        let next: Vec<DVec3> =
-            body.positions_m().iter().zip(&rest).map(|(x, rest)| (*x - *rest) / scale).collect();
-        let between: f64 = next.iter().zip(&u).zip(&mass).map(|((a, b), m)| m * a.dot(*b)).sum();
-        rate2 = between / form(&next);
-        u = next;
-    }
-    rate2.sqrt() / std::f64::consts::TAU
 }
 
 #[test]
 fn cantilever_vibrates_as_the_converged_solution() {
     for (nu, reference_hz) in [(0.25, 1.410_890_2), (0.45, 1.426_430_6), (0.49, 1.431_656_2)] {
-        let (mut body, _) = cantilever(16, &tissue(LINEAR, nu));
+        let (mut body, _) = cantilever(HEXAHEDRA, 16, &tissue(LINEAR, nu));
         let error = frequency_hz(&mut body, |x| DVec3::Z * (x.x + 0.05).powi(2)) / reference_hz - 1.0;
         assert!(error.abs() < 0.01, "{nu}: {error}");
     }
@@ -211,57 +127,6 @@ fn patch_of_distorted_elements_has_the_affine_solution() {
     }
 }
 
-/// A block of cells of 1 cm with the given nodes, its bottom fixed.
-fn block(nodes: [usize; 3], tissue: &Tissue) -> Body {
-    let size = DVec3::from_array(nodes.map(|n| 0.01 * (n - 1) as f64));
-    let block = Block::new(nodes, size).unwrap().fix(Face::NegZ).elements(tissue).unwrap();
-    Body::new(block.network, block.surface).unwrap()
-}
-
-/// Numbers from 0 to 1.
-struct Random(u64);
-
-impl Random {
-    fn number(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
-    }
-
-    fn vector(&mut self) -> DVec3 {
-        DVec3::new(self.number(), self.number(), self.number())
-    }
-}
-
-/// Every law with every ratio.
-fn tissues() -> impl Iterator<Item = Tissue> {
-    let laws = [LINEAR, ElasticLaw::NeoHookean].into_iter();
-    laws.flat_map(|law| [0.0, 0.25, 0.45, 0.49].map(|nu| tissue(law, nu)))
-}
-
-/// Moves all free nodes of `body` to places that depend on their place at rest.
-fn set_places(body: &mut Body, mut place: impl FnMut(DVec3) -> DVec3) {
-    let network = body.network();
-    let places = network.rest_m().iter().enumerate();
-    let x: Vec<DVec3> = places.map(|(node, x)| if network.is_fixed(node) { *x } else { place(*x) }).collect();
-    body.set_state(&x, &vec![DVec3::ZERO; x.len()]).unwrap();
-}
-
-fn off_m(body: &Body) -> f64 {
-    let pairs = body.positions_m().iter().zip(body.network().rest_m());
-    pairs.map(|(x, rest)| x.distance(*rest)).fold(0.0, f64::max)
-}
-
-/// Releases `body` and advances by at most 10 s, until it is within `within_m` of rest.
-fn returns(body: &mut Body, within_m: f64) {
-    for _ in 0..100 {
-        let report = body.advance(None, 100, SemiImplicitEuler::default()).unwrap();
-        if report.inverted_cells == 0 && off_m(body) < within_m {
-            return;
-        }
-    }
-    panic!("{} m from rest, {} inverted", off_m(body), body.inverted_cells().count());
-}
-
 #[test]
 fn stretched_compressed_twisted_flat_and_mirrored_bodies_return_to_rest() {
     type Motion = fn(DVec3) -> DVec3;
@@ -273,7 +138,7 @@ fn stretched_compressed_twisted_flat_and_mirrored_bodies_return_to_rest() {
         |x| DVec3::new(x.x, x.y, -0.06 - x.z),
     ];
     for (tissue, motion) in tissues().flat_map(|tissue| motions.map(|motion| (tissue, motion))) {
-        let mut body = block([4, 4, 7], &tissue);
+        let mut body = block(HEXAHEDRA, [4, 4, 7], &tissue);
         set_places(&mut body, motion);
         returns(&mut body, 2e-3);
     }
@@ -283,7 +148,7 @@ fn stretched_compressed_twisted_flat_and_mirrored_bodies_return_to_rest() {
 fn bodies_with_random_places_return_to_rest() {
     let mut random = Random(1);
     for (tissue, _) in tissues().flat_map(|tissue| (0..4).map(move |i| (tissue, i))) {
-        let mut body = block([4, 4, 6], &tissue);
+        let mut body = block(HEXAHEDRA, [4, 4, 6], &tissue);
         set_places(&mut body, |_| DVec3::new(0.03, 0.03, 0.05) * (random.vector() - 0.5));
         assert!(body.inverted_cells().count() > 30);
         returns(&mut body, 2e-3);
@@ -294,7 +159,7 @@ fn bodies_with_random_places_return_to_rest() {
 fn implicit_steps_return_from_random_places() {
     let mut random = Random(2);
     for tissue in tissues() {
-        let mut body = block([4, 4, 6], &tissue);
+        let mut body = block(HEXAHEDRA, [4, 4, 6], &tissue);
         set_places(&mut body, |_| DVec3::new(0.03, 0.03, 0.05) * (random.vector() - 0.5));
         for _ in 0..200 {
             body.advance(None, 20, LinearlyImplicitEuler::default()).unwrap();
@@ -310,7 +175,7 @@ fn implicit_steps_return_from_random_places() {
 fn energy_of_a_motion_is_in_the_balance() {
     for tissue in tissues() {
         let balance = |min_substeps: usize| {
-            let mut body = block([4, 4, 5], &tissue);
+            let mut body = block(HEXAHEDRA, [4, 4, 5], &tissue);
             let mut random = Random(3);
             set_places(&mut body, |x| x + 2e-3 * (random.vector() - 0.5));
             let stored = body.energy().elastic_j;
@@ -364,7 +229,7 @@ fn rigid_motion_gives_no_force_and_free_motion_keeps_its_momenta() {
 #[test]
 fn tangent_of_a_body_is_the_derivative_of_its_forces() {
     for tissue in tissues() {
-        let mut body = block([3, 3, 4], &tissue);
+        let mut body = block(HEXAHEDRA, [3, 3, 4], &tissue);
         let mut random = Random(5);
         set_places(&mut body, |x| x + 4e-3 * (random.vector() - 0.5));
         let pattern = TangentPattern::new(&body);
@@ -462,12 +327,6 @@ fn ball_feels_no_cells_and_hertz_s_force() {
     }
 }
 
-fn relaxing(nu: f64) -> Tissue {
-    let relaxation =
-        Relaxation::new(&[PronyTerm { share: 0.3, time_s: 0.05 }, PronyTerm { share: 0.2, time_s: 0.4 }]);
-    Tissue { relaxation: relaxation.unwrap(), ..tissue(ElasticLaw::NeoHookean, nu) }
-}
-
 /// A wide layer in simple shear: the force is proportional to the shear modulus.
 #[test]
 fn sheared_layer_relaxes_with_its_prony_series() {
@@ -509,12 +368,12 @@ fn sheared_layer_relaxes_with_its_prony_series() {
 
 #[test]
 fn relaxed_stress_is_part_of_the_state() {
-    let mut body = block([4, 4, 5], &relaxing(0.45));
+    let mut body = block(HEXAHEDRA, [4, 4, 5], &relaxing(0.45));
     set_places(&mut body, |x| DVec3::new(x.x, x.y, 1.1 * x.z));
     body.advance(None, 100, SemiImplicitEuler::default()).unwrap();
     let state = body.state();
     assert_eq!(state.relaxed_stress_j.len(), 36);
-    let mut again = block([4, 4, 5], &relaxing(0.45));
+    let mut again = block(HEXAHEDRA, [4, 4, 5], &relaxing(0.45));
     again.restore(&state).unwrap();
     for body in [&mut body, &mut again] {
         body.advance(None, 60, SemiImplicitEuler::default()).unwrap();

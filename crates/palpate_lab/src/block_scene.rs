@@ -68,16 +68,23 @@ impl BlockScene {
         let block = Block::new(self.nodes, DVec3::splat(self.edge_m))?.fix(Face::NegZ);
         let node = block.node([x / 2, y / 2, z - 1]);
         let springs = block.uniform(&lattice)?;
+        let youngs_modulus_pa = springs.network.grid().map_or(0.0, |grid| grid.youngs_modulus_pa()[node]);
+        let tissue = |law, poissons_ratio| Tissue {
+            youngs_modulus_pa,
+            poissons_ratio,
+            density_kg_per_m3: self.mass_kg / self.edge_m.powi(3),
+            damping: Damping::Ratio(self.damping_ratio),
+            law,
+            ..Tissue::default()
+        };
         let block = match self.material {
             BlockMaterial::Springs => springs,
-            BlockMaterial::Hexahedra { law, poissons_ratio } => block.elements(&Tissue {
-                youngs_modulus_pa: springs.network.grid().map_or(0.0, |grid| grid.youngs_modulus_pa()[node]),
-                poissons_ratio,
-                density_kg_per_m3: self.mass_kg / self.edge_m.powi(3),
-                damping: Damping::Ratio(self.damping_ratio),
-                law,
-                ..Tissue::default()
-            })?,
+            BlockMaterial::Hexahedra { law, poissons_ratio } => {
+                block.elements(&tissue(law, poissons_ratio))?
+            }
+            BlockMaterial::Tetrahedra { law, poissons_ratio } => {
+                block.tetrahedra(&tissue(law, poissons_ratio))?
+            }
         };
         let body = Body::new(block.network, block.surface)?;
         let at = body.positions_m()[node];

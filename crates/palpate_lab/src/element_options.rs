@@ -16,6 +16,13 @@ pub enum BlockMaterial {
         /// Poisson's ratio.
         poissons_ratio: f64,
     },
+    /// Tetrahedral elements, six for each cell.
+    Tetrahedra {
+        /// Elastic law.
+        law: ElasticLaw,
+        /// Poisson's ratio.
+        poissons_ratio: f64,
+    },
 }
 
 /// Options of commands for what a body consists of.
@@ -45,7 +52,7 @@ impl ElementOptions {
     pub fn poissons_ratio(&self) -> f64 {
         match self.element {
             ElementOption::Spring => 0.25,
-            ElementOption::Hex => self.poisson,
+            ElementOption::Hex | ElementOption::Tet => self.poisson,
         }
     }
 
@@ -55,6 +62,9 @@ impl ElementOptions {
             ElementOption::Spring => BlockMaterial::Springs,
             ElementOption::Hex => {
                 BlockMaterial::Hexahedra { law: self.law.into(), poissons_ratio: self.poisson }
+            }
+            ElementOption::Tet => {
+                BlockMaterial::Tetrahedra { law: self.law.into(), poissons_ratio: self.poisson }
             }
         }
     }
@@ -67,6 +77,8 @@ pub enum ElementOption {
     Spring,
     /// Eight-node hexahedra
     Hex,
+    /// Four-node tetrahedra, six for each cell of a block
+    Tet,
 }
 
 impl ElementOption {
@@ -75,6 +87,7 @@ impl ElementOption {
         match self {
             Self::Spring => "spring",
             Self::Hex => "hex",
+            Self::Tet => "tet",
         }
     }
 
@@ -83,6 +96,7 @@ impl ElementOption {
         match self {
             Self::Spring => "springs",
             Self::Hex => "hexahedra",
+            Self::Tet => "tetrahedra",
         }
     }
 }

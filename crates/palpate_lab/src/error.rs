@@ -6,6 +6,9 @@ use thiserror::Error;
 /// Error of a command.
 #[derive(Debug, Error)]
 pub enum LabError {
+    /// Tetrahedra in the cells of a surface mesh.
+    #[error("--element tet is for blocks; use --element hex with --mesh")]
+    TetrahedraInMesh,
     /// A parameter is outside its range.
     #[error("{flag} is {value}; it must be {allowed}")]
     Parameter {

@@ -72,6 +72,20 @@ impl LameParameters {
 /// Derivative of the stress with respect to the deformation gradient: column c of δP is Σ_d `self[c][d]` · column d of δF.
 pub type StressTangent = [[DMat3; 3]; 3];
 
+/// Change of the columns of the stress by a node with the gradient `b`: with F = Σ_j x_j ⊗ b_j, δP's column c is `[c]` · δx_j.
+#[must_use]
+#[inline]
+pub fn stress_change(tangent: &StressTangent, b: DVec3) -> [DMat3; 3] {
+    tangent.map(|of| b.x * of[0] + b.y * of[1] + b.z * of[2])
+}
+
+/// Stiffness between a node with the gradient `b` and the node of a [`stress_change`].
+#[must_use]
+#[inline]
+pub fn stress_block(change: &[DMat3; 3], b: DVec3) -> DMat3 {
+    b.x * change[0] + b.y * change[1] + b.z * change[2]
+}
+
 /// Stretch below which the neo-Hookean logarithm continues with a limited slope, and the range over which it approaches the limit.
 const FLAT: f64 = 0.25;
 const TO_LIMIT: f64 = 0.25;

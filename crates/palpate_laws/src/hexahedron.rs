@@ -1,8 +1,8 @@
 //! The eight-node hexahedron with one integration point and hourglass stiffness.
 
-use crate::elastic_law::{inner, outer, stretch2_bound};
+use crate::elastic_law::{outer, stretch2_bound};
 use crate::symmetric::eigenvectors;
-use crate::{ElasticLaw, LameParameters, Relaxation, RelaxedStress, StressTangent};
+use crate::{ElementMaterial, RelaxedStress, StressTangent, stress_block, stress_change};
 use glam::{DMat3, DVec3};
 
 /// Number of corners.
@@ -46,20 +46,6 @@ pub struct HexahedronShape {
     hourglass_bound_per_m2: f64,
 }
 
-/// The material of an element: its law, and the parameters times the element's volume.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct ElementMaterial {
-    /// Elastic law.
-    pub law: ElasticLaw,
-    /// Lamé parameters times the volume that is filled with the material, J.
-    pub parameters_j: LameParameters,
-    /// Parameters of the viscous stress times the volume, J s: that of a linear material in the rate of the Green strain. Stiffness-proportional
-    /// (Rayleigh) damping β has β times `parameters_j`.
-    pub viscous_js: LameParameters,
-    /// Stress relaxation. The hourglass stiffness is that of the relaxed material.
-    pub relaxation: Relaxation,
-}
-
 impl Default for HexahedronShape {
     /// A cube with sides of 1 m.
     fn default() -> Self {
@@ -72,88 +58,6 @@ impl Default for HexahedronShape {
             volume_m3: 0.0,
             gradient_bound_per_m2: 0.0,
             hourglass_bound_per_m2: 0.0,
-        })
-    }
-}
-
-impl ElementMaterial {
-    /// Whether all numbers are finite.
-    #[must_use]
-    pub fn is_finite(&self) -> bool {
-        let is_finite = |of: LameParameters| of.mu.is_finite() && of.lambda.is_finite();
-        is_finite(self.parameters_j) && is_finite(self.viscous_js) && self.relaxation.is_finite()
-    }
-
-    /// Whether the material has a damper.
-    #[must_use]
-    #[inline]
-    pub fn is_damped(&self) -> bool {
-        self.viscous_js != LameParameters::default()
-    }
-
-    /// Whether the stress relaxes.
-    #[must_use]
-    #[inline]
-    pub fn relaxes(&self) -> bool {
-        !self.relaxation.is_none()
-    }
-
-    /// μ of the hourglass stiffness, J.
-    #[inline]
-    fn hourglass_j(&self) -> f64 {
-        self.parameters_j.mu * (1.0 - self.relaxation.share())
-    }
-
-    /// The part of the second Piola stress that relaxes, times the volume, J.
-    fn relaxing_j(&self, f: &DMat3) -> [f64; 6] {
-        let mu = self.parameters_j.mu;
-        let stress = self.law.second_stress(f, LameParameters { mu, lambda: -2.0 / 3.0 * mu });
-        [stress.x_axis.x, stress.y_axis.y, stress.z_axis.z, stress.x_axis.y, stress.y_axis.z, stress.z_axis.x]
-    }
-
-    /// Σ g H, J.
-    #[inline]
-    fn relaxed_j(&self, relaxed: &RelaxedStress) -> DMat3 {
-        let mut sum = [0.0; 6];
-        for (index, term) in self.relaxation.terms() {
-            sum.iter_mut().zip(&relaxed[index]).for_each(|(to, h)| *to += term.share * h);
-        }
-        symmetric_matrix(&sum)
-    }
-
-    /// Change of the stored energy by relaxation at the deformation gradient `f`, J: −Σ g (H:E − H:H/(4μ)) with the Green strain E.
-    fn relaxed_energy_j(&self, f: &DMat3, relaxed: &RelaxedStress) -> f64 {
-        let strain = (f.transpose() * *f - DMat3::IDENTITY) * 0.5;
-        let of_term = |(index, term): (usize, crate::PronyTerm)| {
-            let h = symmetric_matrix(&relaxed[index]);
-            term.share * (inner(&h, &h) / (4.0 * self.parameters_j.mu) - inner(&h, &strain))
-        };
-        self.relaxation.terms().map(of_term).sum()
-    }
-
-    /// Second Piola stress of the damper times the volume, J.
-    #[inline]
-    fn viscous_j(&self, f: &DMat3, rate_per_s: &DMat3) -> DMat3 {
-        let half = f.transpose() * *rate_per_s;
-        let LameParameters { mu, lambda } = self.viscous_js;
-        let trace = half.x_axis.x + half.y_axis.y + half.z_axis.z;
-        mu * (half + half.transpose()) + DMat3::from_diagonal(DVec3::splat(lambda * trace))
-    }
-
-    /// Power that the damper dissipates, W.
-    fn dissipated_w(&self, f: &DMat3, rate_per_s: &DMat3) -> f64 {
-        inner(&(f.transpose() * *rate_per_s), &self.viscous_j(f, rate_per_s))
-    }
-
-    /// Derivative of the stress with respect to the rate of the deformation gradient, J s. It is positive semidefinite.
-    fn viscous_tangent_js(&self, f: &DMat3) -> StressTangent {
-        let LameParameters { mu, lambda } = self.viscous_js;
-        let across = *f * f.transpose();
-        std::array::from_fn(|c| {
-            std::array::from_fn(|d| {
-                let shear = if c == d { mu * across } else { DMat3::ZERO };
-                shear + mu * outer(f.col(d), f.col(c)) + lambda * outer(f.col(c), f.col(d))
-            })
         })
     }
 }
@@ -317,18 +221,7 @@ impl HexahedronShape {
         relaxed: &mut RelaxedStress,
         h: f64,
     ) -> f64 {
-        let stress = material.relaxing_j(&self.deformation_gradient(x_m));
-        let mut largest2 = 0.0_f64;
-        for (index, term) in material.relaxation.terms() {
-            let share = -(-h / term.time_s).exp_m1();
-            let mut off2 = 0.0;
-            for (to, stress) in relaxed[index].iter_mut().zip(stress) {
-                off2 += (stress - *to) * (stress - *to);
-                *to += share * (stress - *to);
-            }
-            largest2 = largest2.max(off2);
-        }
-        largest2.sqrt() / material.parameters_j.mu
+        material.relax(&self.deformation_gradient(x_m), relaxed, h)
     }
 
     /// Forces on the corners, N, with the corners at `x_m`, m, that move at `v_m_per_s`, and H of a material that relaxes.
@@ -345,10 +238,7 @@ impl HexahedronShape {
         let f = self.gradient(&modes);
         // Then the forces over k_m/(μ V).
         let mut hourglasses = self.hourglasses(&modes, &f);
-        let mut stress_j = material.law.stress(&f, material.parameters_j);
-        if material.relaxes() {
-            stress_j -= f * material.relaxed_j(relaxed);
-        }
+        let mut stress_j = material.elastic_stress_j(&f, relaxed);
         if material.is_damped() {
             let rates = to_modes(v_m_per_s);
             let rate = self.gradient(&rates);
@@ -357,10 +247,10 @@ impl HexahedronShape {
             for ((q, q_dot), k) in hourglasses.iter_mut().zip(of_rates).zip(&self.hourglass_per_m2) {
                 let w = material.viscous_js.mu * local_rate(&f, &rate, *q, q_dot);
                 stress_j += outer(k * *q, w);
-                *q = material.hourglass_j() * *q + f * w;
+                *q = material.relaxed_mu_j() * *q + f * w;
             }
         } else {
-            hourglasses.iter_mut().for_each(|q| *q *= material.hourglass_j());
+            hourglasses.iter_mut().for_each(|q| *q *= material.relaxed_mu_j());
         }
         let mut on_modes = [DVec3::ZERO; CORNERS];
         for (m, force) in hourglasses.into_iter().enumerate() {
@@ -384,10 +274,8 @@ impl HexahedronShape {
     ) -> f64 {
         let modes = to_modes(x_m);
         let f = self.gradient(&modes);
-        let of_relaxation = if material.relaxes() { material.relaxed_energy_j(&f, relaxed) } else { 0.0 };
-        material.law.energy(&f, material.parameters_j)
-            + of_relaxation
-            + 0.5 * self.hourglass_squares(&modes, &f) * material.hourglass_j()
+        material.elastic_energy_j(&f, relaxed)
+            + 0.5 * self.hourglass_squares(&modes, &f) * material.relaxed_mu_j()
     }
 
     /// Power that the damper dissipates, W.
@@ -426,16 +314,8 @@ impl HexahedronShape {
         clamped: bool,
     ) -> HexahedronBlocks {
         let f = self.deformation_gradient(x_m);
-        let mut tangent = material.law.tangent(&f, material.parameters_j, clamped);
-        if material.relaxes() && !clamped {
-            let relaxed = material.relaxed_j(relaxed);
-            for (c, blocks) in tangent.iter_mut().enumerate() {
-                for (d, block) in blocks.iter_mut().enumerate() {
-                    *block -= DMat3::from_diagonal(DVec3::splat(relaxed.col(c)[d]));
-                }
-            }
-        }
-        self.blocks(&tangent, material.hourglass_j())
+        let tangent = material.elastic_tangent_j(&f, relaxed, clamped);
+        self.blocks(&tangent, material.relaxed_mu_j())
     }
 
     /// Damping, N s/m: entry \[i\]\[j\] is minus the derivative of the force on corner i by the velocity of corner j.
@@ -464,17 +344,13 @@ impl HexahedronShape {
         let mut blocks = [[DMat3::ZERO; CORNERS]; CORNERS];
         for j in 0..CORNERS {
             let b = gradients[j];
-            // The change of the stress by corner j.
-            let stress = tangent.map(|of| b.x * of[0] + b.y * of[1] + b.z * of[2]);
+            let stress = stress_change(tangent, b);
             for i in 0..=j {
                 let b = gradients[i];
                 let hourglass: f64 = (0..HOURGLASSES.len())
                     .map(|m| self.hourglass_per_m2[m] * hourglasses[i][m] * hourglasses[j][m])
                     .sum();
-                let block = b.x * stress[0]
-                    + b.y * stress[1]
-                    + b.z * stress[2]
-                    + DMat3::from_diagonal(DVec3::splat(mu * hourglass));
+                let block = stress_block(&stress, b) + DMat3::from_diagonal(DVec3::splat(mu * hourglass));
                 blocks[i][j] = block;
                 blocks[j][i] = block.transpose();
             }
@@ -503,7 +379,7 @@ impl HexahedronShape {
         }
         let (stretch2, of) = (stretch2_bound(&f), material.viscous_js);
         let squares = self.hourglass_squares(&modes, &f);
-        let viscous = stretch2 * (2.0 * of.mu + 3.0 * of.lambda);
+        let viscous = material.viscous_bound_js(&f);
         // |Σ_c (b_c ⊗ q + γ(c) Fᵀ) v_c|² ≤ 2 |q|² |Σ_c b_c ⊗ v_c|² + 2 |F|² |Σ_c γ(c) v_c|²; without q the factor is 1.
         let factor = if squares > 0.0 { 2.0 } else { 1.0 };
         (stiffness, bound(viscous + 2.0 * squares * of.mu, factor * stretch2 * of.mu))
@@ -514,11 +390,6 @@ impl HexahedronShape {
 #[inline]
 fn local_rate(f: &DMat3, f_dot: &DMat3, q: DVec3, q_dot: DVec3) -> DVec3 {
     f_dot.transpose() * q + f.transpose() * q_dot
-}
-
-/// The symmetric matrix of xx, yy, zz, xy, yz, zx.
-fn symmetric_matrix(&[xx, yy, zz, xy, yz, zx]: &[f64; 6]) -> DMat3 {
-    DMat3::from_cols(DVec3::new(xx, xy, zx), DVec3::new(xy, yy, yz), DVec3::new(zx, yz, zz))
 }
 
 /// h_m(c), ±1.

@@ -120,8 +120,8 @@ pub use hand_over::{HandOver, HandOverSettings, ModelSwap, RenderedForce, Submit
 pub use low_pass::LowPass;
 pub use model::{Capacity, Contact, LocalModel, MAX_BODIES, ModelId, Scheme, SecondBody};
 pub use near_field::{
-    NearContact, NearEnd, NearField, NearFieldCapacity, NearHexahedron, NearPatch, NearPoint, NearSpring,
-    NearTetrahedron, NearTriangle, Support, TickIntegrator,
+    NearContact, NearDomain, NearEnd, NearField, NearFieldCapacity, NearHexahedron, NearPatch, NearPoint,
+    NearSpring, NearTetrahedron, NearTriangle, Support, TickIntegrator,
 };
 pub use sample::{OtherToolForce, Sample, SampleHistory, SampleOrigin};
 pub use tick::LocalState;

@@ -11,7 +11,7 @@ mod surface;
 mod validation;
 
 pub use capacity::NearFieldCapacity;
-pub use elements::{NearEnd, NearHexahedron, NearSpring, NearTetrahedron};
+pub use elements::{NearDomain, NearEnd, NearHexahedron, NearSpring, NearTetrahedron};
 pub use surface::{NearContact, NearPatch, NearPoint, NearTriangle};
 
 use crate::dense::{Cholesky, zeros};
@@ -88,6 +88,8 @@ pub struct NearField {
     pub hexahedra: usize,
     /// Number of shapes of near hexahedra.
     pub shapes: usize,
+    /// Number of near smoothed domains of tetrahedra.
+    pub domains: usize,
     /// Number of surface points.
     pub points: usize,
     /// Number of surface triangles.
@@ -114,6 +116,12 @@ pub struct NearField {
     pub hexahedron: Vec<NearHexahedron>,
     /// Shapes of the near hexahedra at rest.
     pub shape: Vec<HexahedronShape>,
+    /// Near smoothed domains of tetrahedra: those incident to S.
+    pub domain: Vec<NearDomain>,
+    /// Nodes of the near domains, one domain after the other: an index i < s is node i of S, s + i is node i of the ring.
+    pub domain_node: Vec<u16>,
+    /// Gradients of the nodes of the near domains, 1/m.
+    pub domain_gradient_per_m: Vec<DVec3>,
     /// Surface points.
     pub point: Vec<NearPoint>,
     /// Surface triangles.
@@ -163,7 +171,7 @@ impl NearField {
     /// An empty near field with buffers for `capacity`.
     #[must_use]
     pub fn with_capacity(capacity: NearFieldCapacity) -> Self {
-        let NearFieldCapacity { nodes, order, ring, springs, hexahedra, points, triangles } = capacity;
+        let NearFieldCapacity { nodes, order, ring, springs, hexahedra, points, triangles, .. } = capacity;
         let n = 3 * nodes + order;
         Self {
             nodes: 0,
@@ -173,6 +181,7 @@ impl NearField {
             tetrahedra: 0,
             hexahedra: 0,
             shapes: 0,
+            domains: 0,
             points: 0,
             triangles: 0,
             support: Support::Driven,
@@ -189,6 +198,9 @@ impl NearField {
             tetrahedron: vec![NearTetrahedron::default(); 2 * springs],
             hexahedron: vec![NearHexahedron::default(); hexahedra],
             shape: vec![HexahedronShape::default(); hexahedra],
+            domain: vec![NearDomain::default(); capacity.domains],
+            domain_node: vec![0; capacity.domain_nodes],
+            domain_gradient_per_m: vec![DVec3::ZERO; capacity.domain_nodes],
             point: vec![NearPoint::default(); points],
             triangle: vec![NearTriangle::default(); triangles],
             contact: NearContact::default(),
@@ -221,6 +233,8 @@ impl NearField {
             ring: self.ring_m.len(),
             springs: self.near.len(),
             hexahedra: self.hexahedron.len(),
+            domains: self.domain.len(),
+            domain_nodes: self.domain_node.len(),
             points: self.point.len(),
             triangles: self.triangle.len(),
         }
@@ -230,6 +244,13 @@ impl NearField {
     #[must_use]
     pub fn unknowns(&self) -> usize {
         3 * self.nodes + self.order
+    }
+
+    /// Number of nodes of the near domains, each counted once in each of its domains.
+    #[must_use]
+    pub fn domain_nodes(&self) -> usize {
+        let last = self.domains.checked_sub(1).and_then(|last| self.domain.get(last));
+        last.map_or(0, |domain| domain.entries.0.saturating_add(domain.entries.1))
     }
 
     /// Approximate cost of a tick without contacts, in multiplications.
@@ -242,6 +263,8 @@ impl NearField {
         let step = on_z.saturating_add(6 * self.ring * p).saturating_add(SPRING_WORK * self.springs);
         let step = step.saturating_add(TETRAHEDRON_WORK.saturating_mul(self.tetrahedra));
         let step = step.saturating_add(HEXAHEDRON_WORK.saturating_mul(self.hexahedra));
+        let step = step.saturating_add(DOMAIN_WORK.saturating_mul(self.domains));
+        let step = step.saturating_add(DOMAIN_NODE_WORK.saturating_mul(self.domain_nodes()));
         step.saturating_mul(self.integrator.substeps() as usize)
     }
 
@@ -256,6 +279,7 @@ impl NearField {
         (self.nodes, self.order, self.ring) = (0, 0, 0);
         (self.springs, self.points, self.triangles) = (0, 0, 0);
         (self.tetrahedra, self.hexahedra, self.shapes) = (0, 0, 0);
+        self.domains = 0;
         self.is_cut = false;
         self.other = OtherToolForce::default();
         self.contact.count = 0;
@@ -274,6 +298,8 @@ impl NearField {
             ("near tetrahedra", self.tetrahedra, capacity.springs.saturating_mul(2)),
             ("near hexahedra", self.hexahedra, capacity.hexahedra),
             ("shapes of near hexahedra", self.shapes, capacity.hexahedra),
+            ("near domains", self.domains, capacity.domains),
+            ("nodes of near domains", self.domain_nodes(), capacity.domain_nodes),
             ("points of the surface", self.points, capacity.points),
             ("triangles", self.triangles, capacity.triangles),
         ] {
@@ -318,6 +344,7 @@ impl NearField {
         (self.nodes, self.order, self.ring) = (other.nodes, other.order, other.ring);
         (self.springs, self.points, self.triangles) = (other.springs, other.points, other.triangles);
         (self.tetrahedra, self.hexahedra, self.shapes) = (other.tetrahedra, other.hexahedra, other.shapes);
+        self.domains = other.domains;
         (self.support, self.integrator) = (other.support, other.integrator);
         (self.tick_s, self.is_cut) = (other.tick_s, other.is_cut);
         (self.start_m, self.energy_j) = (other.start_m, other.energy_j);
@@ -330,6 +357,9 @@ impl NearField {
         copy(&mut self.tetrahedron, &other.tetrahedron, other.tetrahedra);
         copy(&mut self.hexahedron, &other.hexahedron, other.hexahedra);
         copy(&mut self.shape, &other.shape, other.shapes);
+        copy(&mut self.domain, &other.domain, other.domains);
+        copy(&mut self.domain_node, &other.domain_node, other.domain_nodes());
+        copy(&mut self.domain_gradient_per_m, &other.domain_gradient_per_m, other.domain_nodes());
         copy(&mut self.point, &other.point, other.points);
         copy(&mut self.triangle, &other.triangle, other.triangles);
         let targets = [
@@ -359,6 +389,9 @@ const SPRING_WORK: usize = 60;
 const TETRAHEDRON_WORK: usize = 60;
 /// Cost of a hexahedron, in multiplications.
 const HEXAHEDRON_WORK: usize = 600;
+/// Cost of a smoothed domain, and of each of its nodes, in multiplications.
+const DOMAIN_WORK: usize = 100;
+const DOMAIN_NODE_WORK: usize = 27;
 /// Maximum number of substeps of a tick.
 pub(crate) const MAX_SUBSTEPS: u32 = 64;
 

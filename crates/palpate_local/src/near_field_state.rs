@@ -8,9 +8,9 @@
 use crate::dense::{add_columns, dot, set_vec3, subtract_product, vec3_at, zeros};
 use crate::joint_contact::BodyInStep;
 use crate::near_field_contact::{BodyContacts, NodeMotion};
-use crate::{NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
+use crate::{NearDomain, NearEnd, NearField, NearFieldCapacity, Sample, Support, TickIntegrator};
 use glam::DVec3;
-use palpate_laws::{RelaxedStress, ToolMove, VolumeBarrier};
+use palpate_laws::{RelaxedStress, ToolMove, VolumeBarrier, domain_gradient};
 
 /// The state z = (δx_S, q) of a near field, and the buffers of its tick.
 #[derive(Clone, Debug)]
@@ -29,8 +29,9 @@ pub(crate) struct NearFieldState {
     ring_n: Vec<f64>,
     /// The nodes of S, then those of the ring.
     ends: Vec<NodeState>,
-    /// Relaxed stress of the near hexahedra, J.
+    /// Relaxed stress of the near hexahedra, and of the near domains, J.
     relaxed: Vec<RelaxedStress>,
+    domain_relaxed: Vec<RelaxedStress>,
     /// Whether `internal_n` and `ring_n` belong to the current state.
     are_forces_current: bool,
     scratch: Vec<f64>,
@@ -59,6 +60,7 @@ impl NearFieldState {
             ring_n: still,
             ends: vec![NodeState::default(); capacity.nodes + capacity.ring],
             relaxed: vec![RelaxedStress::default(); capacity.hexahedra],
+            domain_relaxed: vec![RelaxedStress::default(); capacity.domains],
             are_forces_current: false,
             scratch: zero,
             contacts: BodyContacts::with_capacity(capacity),
@@ -75,6 +77,8 @@ impl NearFieldState {
         self.are_forces_current = false;
         let relaxed = field.hexahedron.iter().map(|element| element.relaxed).take(field.hexahedra);
         self.relaxed.iter_mut().zip(relaxed).for_each(|(to, from)| *to = from);
+        let relaxed = field.domain.iter().map(|domain| domain.relaxed).take(field.domains);
+        self.domain_relaxed.iter_mut().zip(relaxed).for_each(|(to, from)| *to = from);
         let s = 3 * field.nodes;
         multiply_ring_basis(field, self.z_dot.get(s..field.unknowns()).unwrap_or_default(), &mut self.ring_v);
         self.contacts.restart(field);
@@ -175,6 +179,15 @@ impl NearFieldState {
             elastic += shape.energy_j(&corners.map(|of| of.1), &element.material, relaxed)
                 - shape.energy_j(&corners.map(|of| of.0), &element.material, &element.relaxed);
         }
+        for (domain, relaxed) in field.domain.iter().zip(&self.domain_relaxed).take(field.domains) {
+            let places = || domain.part(&field.domain_node).iter().map(|node| usize::from(*node));
+            let place = |node| placed(field, z, &self.ring_dx, node).unwrap_or_default();
+            let gradients = domain.part(&field.domain_gradient_per_m);
+            let before = domain_gradient(gradients, places().map(|node| place(node).0));
+            let now = domain_gradient(gradients, places().map(|node| place(node).1));
+            elastic +=
+                domain.material.energy_j(&now, relaxed) - domain.material.energy_j(&before, &domain.relaxed);
+        }
         // −(F_far,N + B̃ q̇_N)ᵀ q + ½ qᵀ K̃ q: the damper forces at the model step are excluded.
         let (q, p) = (z.get(s..).unwrap_or_default(), field.order.max(1));
         let q_dot_n = field.velocity.get(s..n).unwrap_or_default();
@@ -252,21 +265,23 @@ impl NearFieldState {
         self.relax(field, h);
     }
 
-    /// Relaxes the stress of the near hexahedra over a substep of length `h`.
+    /// Relaxes the stress of the near elements over a substep of length `h`.
     fn relax(&mut self, field: &NearField, h: f64) {
-        let Self { z, ring_dx, relaxed, .. } = self;
+        let Self { z, ring_dx, relaxed, domain_relaxed, .. } = self;
+        let place =
+            |node: u16| placed(field, z, ring_dx, node.into()).map(|(_, now)| now).unwrap_or_default();
         for (element, relaxed) in field.hexahedron.iter().zip(relaxed).take(field.hexahedra) {
             let Some(shape) = field.shape.get(element.shape).filter(|_| element.material.relaxes()) else {
                 continue;
             };
-            let place = |node: u16| match usize::from(node).checked_sub(field.nodes) {
-                None => {
-                    let node = usize::from(node);
-                    field.node_m.get(node).copied().unwrap_or_default() + vec3_at(z, node)
-                }
-                Some(i) => field.ring_m.get(i).copied().unwrap_or_default() + vec3_at(ring_dx, i),
-            };
             shape.relax(&element.nodes.map(place), &element.material, relaxed, h);
+        }
+        for (domain, relaxed) in field.domain.iter().zip(domain_relaxed).take(field.domains) {
+            if domain.material.material.relaxes() {
+                let nodes = domain.part(&field.domain_node).iter().map(|node| place(*node));
+                let f = domain_gradient(domain.part(&field.domain_gradient_per_m), nodes);
+                domain.material.relax(&f, relaxed, h);
+            }
         }
     }
 
@@ -275,7 +290,7 @@ impl NearFieldState {
         if std::mem::replace(&mut self.are_forces_current, true) {
             return;
         }
-        let Self { z, z_dot, ring_dx, ring_v, ends, internal_n, ring_n, relaxed, .. } = self;
+        let Self { z, z_dot, ring_dx, ring_v, ends, internal_n, ring_n, relaxed, domain_relaxed, .. } = self;
         // Positions and velocities are computed once a node, not once a spring.
         let of_s = field.node_m.iter().zip(vectors(z)).zip(vectors(z_dot)).take(field.nodes);
         let of_ring = field.ring_m.iter().zip(vectors(ring_dx)).zip(vectors(ring_v)).take(field.ring);
@@ -310,6 +325,9 @@ impl NearFieldState {
                     end.force_n += force;
                 }
             }
+        }
+        for (domain, relaxed) in field.domain.iter().zip(&*domain_relaxed).take(field.domains) {
+            add_domain_forces(field, domain, relaxed, ends);
         }
         let (of_s, of_ring) = ends.split_at(field.nodes.min(ends.len()));
         let with_drag = internal_n.iter_mut().zip(of_s).zip(&field.drag_ns_per_m);
@@ -379,6 +397,25 @@ impl NearFieldState {
             for (to, column) in on_q.iter_mut().zip(field.basis.chunks_exact(ring_n.len())) {
                 *to += dot(column, ring_n);
             }
+        }
+    }
+}
+
+/// Adds the forces of a smoothed domain to its nodes.
+fn add_domain_forces(
+    field: &NearField,
+    domain: &NearDomain,
+    relaxed: &RelaxedStress,
+    ends: &mut [NodeState],
+) {
+    let (nodes, gradients) = (domain.part(&field.domain_node), domain.part(&field.domain_gradient_per_m));
+    let at = |node: &u16| ends.get(usize::from(*node)).copied().unwrap_or_default();
+    let f = domain_gradient(gradients, nodes.iter().map(|node| at(node).x));
+    let rate_per_s = || domain_gradient(gradients, nodes.iter().map(|node| at(node).v));
+    let stress_j = domain.material.stress_j(&f, rate_per_s, relaxed);
+    for (node, b) in nodes.iter().zip(gradients) {
+        if let Some(end) = ends.get_mut(usize::from(*node)) {
+            end.force_n -= stress_j * *b;
         }
     }
 }

@@ -17,8 +17,8 @@ use crate::options::BuilderOptions;
 use glam::DVec3;
 use palpate_body::{BarrierTetrahedron, Body, SurfaceTree, Tangent, ToolContact, ToolPoint, VolumeBarrier};
 use palpate_local::{
-    LocalModelError, NearEnd, NearField, NearHexahedron, NearSpring, NearTetrahedron, OtherToolForce,
-    TickIntegrator,
+    LocalModelError, NearDomain, NearEnd, NearField, NearHexahedron, NearSpring, NearTetrahedron,
+    OtherToolForce, TickIntegrator,
 };
 use support::{SupportLimits, SupportSet};
 
@@ -123,6 +123,7 @@ impl NearFieldBuilder {
         let mut far_n = far_field.internal_n().to_vec();
         let is_near = self.write_springs(body, &support.nodes, field, &mut far_n)?;
         self.write_hexahedra(body, &support.nodes, field, &mut far_n)?;
+        self.write_domains(body, &support.nodes, field, &mut far_n)?;
         surface::write(body, contact, (support, &self.ring), field.proxy_m, field)?;
         let far_tetrahedra = self.write_tetrahedra(body, field, &mut far_n)?;
         let (s, entries) = (field.nodes, 3 * field.ring);
@@ -139,7 +140,7 @@ impl NearFieldBuilder {
             },
         );
         write_other(input, basis, &self.roles, field);
-        if network.hexahedra().is_empty() && network.drag_ns_per_m().is_empty() {
+        if !network.has_elements() && network.drag_ns_per_m().is_empty() {
             let far = (&is_near[..], &far_tetrahedra[..]);
             basis.congruence(body, far, is_clamped, &mut field.stiffness, &mut field.damping);
         } else {
@@ -250,12 +251,7 @@ impl NearFieldBuilder {
             }
             let mut nodes = [0; 8];
             for (to, node) in nodes.iter_mut().zip(element.nodes) {
-                *to = match self.roles[node] {
-                    NodeRole::Support(i) => i,
-                    NodeRole::Ring(i) => field.nodes + i,
-                    // The ring may contain fixed nodes: their rows of V are zero.
-                    NodeRole::Far => field.nodes + self.add_to_ring(node, x[node], field)?,
-                } as u16;
+                *to = self.place_of(node, x[node], field)? as u16;
             }
             let known = field.shape[..field.shapes].iter().position(|shape| shape == element.shape);
             let shape = known.unwrap_or(field.shapes);
@@ -264,6 +260,46 @@ impl NearFieldBuilder {
                 field.shapes += 1;
             }
             field.hexahedron[i] = NearHexahedron { nodes, shape, material: *element.material, relaxed };
+        }
+        Ok(())
+    }
+
+    /// Writes the near smoothed domains, those with a free node in S, and subtracts their forces from `far_n`.
+    fn write_domains(
+        &mut self,
+        body: &Body,
+        support: &[usize],
+        field: &mut NearField,
+        far_n: &mut [DVec3],
+    ) -> Result<(), ReduceError> {
+        let (network, x, v) = (body.network(), body.positions_m(), body.velocities_m_per_s());
+        let (domains, relaxed) = (network.tetrahedra().domains(), body.relaxed_stress_of_domains_j());
+        let free = support.iter().filter(|&&node| !network.is_fixed(node));
+        let mut near: Vec<usize> = free.flat_map(|&node| domains.incident(node)).copied().collect();
+        near.sort_unstable();
+        near.dedup();
+        if near.len() > field.domain.len() {
+            return Err(too_many("near domains", near.len(), field.domain.len()));
+        }
+        field.domains = near.len();
+        let mut first = 0;
+        for (i, index) in near.into_iter().enumerate() {
+            let domain = domains.get(index);
+            let relaxed = relaxed.get(index).copied().unwrap_or_default();
+            let stress_j = domain.stress_j(x, v, &relaxed);
+            let end = first + domain.nodes.len();
+            if end > field.domain_node.len() {
+                return Err(too_many("nodes of near domains", end, field.domain_node.len()));
+            }
+            for (at, (&node, &b)) in (first..end).zip(domain.nodes.iter().zip(domain.gradients_per_m)) {
+                let node = node as usize;
+                far_n[node] += stress_j * b;
+                field.domain_node[at] = self.place_of(node, x[node], field)? as u16;
+                field.domain_gradient_per_m[at] = b;
+            }
+            let entries = (first, end - first);
+            field.domain[i] = NearDomain { entries, material: *domain.material, relaxed };
+            first = end;
         }
         Ok(())
     }
@@ -289,12 +325,7 @@ impl NearFieldBuilder {
             }
             let mut near = NearTetrahedron { nodes: [0; 4], barrier: tetrahedron.barrier };
             for (to, &node) in near.nodes.iter_mut().zip(&tetrahedron.nodes) {
-                *to = match self.roles[node] {
-                    NodeRole::Support(i) => i,
-                    NodeRole::Ring(i) => field.nodes + i,
-                    // The ring may contain fixed nodes: their rows of V are zero.
-                    NodeRole::Far => field.nodes + self.add_to_ring(node, x[node], field)?,
-                };
+                *to = self.place_of(node, x[node], field)?;
             }
             let Some(to) = field.tetrahedron.get_mut(field.tetrahedra) else {
                 return Err(too_many("near tetrahedra", field.tetrahedra + 1, field.tetrahedron.len()));
@@ -303,6 +334,16 @@ impl NearFieldBuilder {
             field.tetrahedra += 1;
         }
         Ok(far)
+    }
+
+    /// Index of a node in S, or s plus its index in the ring, to which it is added if it is in neither. The ring may contain fixed nodes: their rows
+    /// of V are zero.
+    fn place_of(&mut self, node: usize, at_m: DVec3, field: &mut NearField) -> Result<usize, ReduceError> {
+        Ok(match self.roles[node] {
+            NodeRole::Support(i) => i,
+            NodeRole::Ring(i) => field.nodes + i,
+            NodeRole::Far => field.nodes + self.add_to_ring(node, at_m, field)?,
+        })
     }
 
     /// Adds a node to the ring, and returns its index there.

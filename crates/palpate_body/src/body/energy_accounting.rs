@@ -16,7 +16,7 @@ impl Body {
         Energy {
             kinetic_j: network.free().iter().map(kinetic).sum(),
             elastic_j: network.links().iter().map(elastic).sum::<f64>()
-                + network.hexahedra().energy_j(x, self.relaxed_stress_j())
+                + network.element_energy_j(x, self.relaxed_stress_j())
                 + network.barriers().energy_j(x),
             gravitational_j: self.gravitational_j(),
         }
@@ -165,7 +165,7 @@ impl EnergyLedger {
         let taken: f64 = body.network().links().iter().map(power).sum();
         let drag = body.network().drag_ns_per_m().iter().enumerate();
         let dragged: f64 = drag.map(|(node, drag)| drag * mean(node).length_squared()).sum();
-        self.damping_loss_j += h * (taken + dragged + body.network().hexahedra().dissipated_w(&self.x, mean));
+        self.damping_loss_j += h * (taken + dragged + body.network().element_dissipated_w(&self.x, mean));
         let (x, loads) = (body.positions_m(), body.loads_n());
         self.work_in_j += (0..x.len()).map(|node| loads[node].dot(x[node] - self.x[node])).sum::<f64>();
         self

@@ -2,9 +2,8 @@
 
 use super::Body;
 use crate::BodyError;
-use crate::hexahedra::relaxed_of;
 use crate::obstacle::Pose;
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 
 impl Body {
     /// Moves all fixed nodes as one rigid body during the next advance, for a body that is mounted on a moving part. At
@@ -68,15 +67,8 @@ impl Body {
                 let tangent = link.spring.tangent(self.x[link.b] - self.x[link.a], false);
                 self.force[if link.a == node { link.b } else { link.a }] += tangent.stiffness * moved;
             }
-            for &element in self.network.hexahedra().incident(node) {
-                let relaxed = relaxed_of(&self.relaxed, element);
-                let element = self.network.hexahedra().get(element);
-                let blocks = element.stiffness_n_per_m(&self.x, relaxed, false);
-                let column = element.nodes.iter().position(|other| *other == node);
-                for (row, &other) in element.nodes.iter().enumerate().filter(|(_, other)| **other != node) {
-                    self.force[other] -= column.map_or(DMat3::ZERO, |column| blocks[row][column]) * moved;
-                }
-            }
+            let state = (&self.x[..], &self.relaxed[..]);
+            self.network.add_element_force_change(state, (node, moved), &mut self.force);
         }
     }
 

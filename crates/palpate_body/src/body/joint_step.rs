@@ -326,7 +326,7 @@ impl Body {
             || self.to_relax > SETTLED_STRAIN
             || self.fixed_target.is_some()
             || self.has_moving_obstacle(QUIET_M_PER_S);
-        let at_rest = !moving && self.active_cells.inverted_count(self.network.barriers(), &self.x) == 0;
+        let at_rest = !moving && self.inverted_count() == 0;
         self.quiet_s = if at_rest { self.quiet_s + span_s.min(MAX_QUIET_CHECK_S) } else { 0.0 };
     }
 
@@ -341,7 +341,14 @@ impl Body {
             self.end_obstacles();
             self.end_fixed_motion();
         }
-        report.inverted_cells = self.active_cells.inverted_count(self.network.barriers(), &self.x);
+        report.inverted_cells = self.inverted_count();
         Ok(())
+    }
+
+    /// Number of inverted cells and tetrahedra.
+    fn inverted_count(&mut self) -> usize {
+        self.active_cells.inverted_count(self.network.barriers(), &self.x)
+            + self.network.hexahedra().inverted(&self.x).count()
+            + self.inverted_tetrahedra().count()
     }
 }

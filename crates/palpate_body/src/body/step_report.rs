@@ -28,6 +28,7 @@ pub struct StepReport {
     pub unconverged: usize,
     /// Number of ties that tore.
     pub torn: usize,
-    /// Number of inverted cells at the end of the advance; see [`crate::Body::inverted_cells`].
+    /// Number of inverted cells and tetrahedra at the end of the advance; see [`crate::Body::inverted_cells`] and
+    /// [`crate::Body::inverted_tetrahedra`].
     pub inverted_cells: usize,
 }

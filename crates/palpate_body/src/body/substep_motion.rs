@@ -33,7 +33,7 @@ impl Body {
         }
         let mut given = self.carry_fixed(along.1, h);
         spring_forces(&self.network, &self.x, &self.v, &mut self.force);
-        self.network.hexahedra().add_forces((&self.x, &self.v, &self.relaxed), &mut self.force);
+        self.network.add_element_forces((&self.x, &self.v, &self.relaxed), &mut self.force);
         self.network.add_drag(&self.v, &mut self.force);
         self.active_cells.add_forces(self.network.barriers(), &self.x, &mut self.force);
         let driven = drive.map(|(node, _)| node);
@@ -108,13 +108,12 @@ impl Body {
         if self.relaxed.is_empty() {
             return 0.0;
         }
-        let elements = self.network.hexahedra();
         let energy = |relaxed: &[RelaxedStress]| {
-            self.ledger.as_ref().map_or(0.0, |_| elements.energy_j(&self.x, relaxed))
+            self.ledger.as_ref().map_or(0.0, |_| self.network.element_energy_j(&self.x, relaxed))
         };
         let before = energy(&self.relaxed);
         let mut relaxed = std::mem::take(&mut self.relaxed);
-        let to_relax = elements.relax(&self.x, h, &mut relaxed);
+        let to_relax = self.network.relax_elements(&self.x, h, &mut relaxed);
         let dissipated = before - energy(&relaxed);
         (self.relaxed, self.to_relax) = (relaxed, to_relax);
         dissipated

@@ -31,7 +31,7 @@ impl ActiveCells {
     /// Updates and returns the cells whose barriers may act while no node is further than `beyond_m` from `x`,
     /// ascending. `beyond_m` must be below the reach.
     fn update(&mut self, cells: &Cells, x: &[DVec3], beyond_m: f64) -> &[usize] {
-        if cells.nodes.is_empty() {
+        if cells.with_barriers() == 0 {
             return &[];
         }
         let reach_m = REACH * cells.shortest_m;
@@ -40,7 +40,7 @@ impl ActiveCells {
         let is_near = |at: DVec3, x: DVec3| (x - at).length_squared() <= near2;
         if self.at_m.len() != x.len() {
             self.at_m = x.to_vec();
-            self.may_act = (0..cells.nodes.len()).map(|cell| !cells.is_clear(cell, x, reach_m)).collect();
+            self.may_act = (0..cells.with_barriers()).map(|cell| !cells.is_clear(cell, x, reach_m)).collect();
         } else if self.at_m.iter().zip(x).all(|(&at, &x)| is_near(at, x)) {
             return &self.cells;
         } else {
@@ -55,21 +55,18 @@ impl ActiveCells {
             }
         }
         self.cells.clear();
-        self.cells.extend((0..cells.nodes.len()).filter(|&cell| self.may_act[cell]));
+        self.cells.extend((0..cells.with_barriers()).filter(|&cell| self.may_act[cell]));
         &self.cells
     }
 
     /// Adds the forces of all active barriers, N.
     pub(crate) fn add_forces(&mut self, cells: &Cells, x: &[DVec3], force: &mut [DVec3]) {
-        if cells.with_barriers == 0 {
-            return;
-        }
-        for &cell in self.update(cells, x, 0.0).iter().filter(|cell| cells.has_barriers(**cell)) {
+        for &cell in self.update(cells, x, 0.0) {
             cells.add_forces(cell, x, force);
         }
     }
 
-    /// Number of inverted cells.
+    /// Number of inverted cells of springs.
     pub(crate) fn inverted_count(&mut self, cells: &Cells, x: &[DVec3]) -> usize {
         self.update(cells, x, 0.0).iter().filter(|&&cell| cells.is_inverted(cell, x)).count()
     }
@@ -84,11 +81,10 @@ impl ActiveCells {
     ) -> f64 {
         let cells = network.barriers();
         let fastest = v.iter().map(|v| v.length_squared()).fold(0.0, f64::max).sqrt();
-        if cells.with_barriers == 0 {
+        if cells.with_barriers() == 0 {
             0.0
         } else if fastest * ahead_s < REACH * cells.shortest_m {
-            let watched =
-                self.update(cells, x, fastest * ahead_s).iter().filter(|cell| cells.has_barriers(**cell));
+            let watched = self.update(cells, x, fastest * ahead_s).iter();
             rate_bound(watched.flat_map(|&cell| cells.tetrahedra(cell)), network, (x, v), ahead_s)
         } else {
             rate_bound(cells.all_tetrahedra(), network, (x, v), ahead_s)

@@ -56,7 +56,7 @@ impl SemiImplicitEuler {
         let rates = Rates::of_springs(state);
         let NetworkState { network, .. } = state;
         let fits = |rates: Rates| self.needed(rates, 0.0) <= self.max_substeps as f64;
-        if network.hexahedra().is_empty() || fits(rates) {
+        if !network.has_elements() || fits(rates) {
             return rates;
         }
         let at_rest = Rates::of_springs(NetworkState { x: network.rest_m(), ..state });
@@ -124,11 +124,7 @@ impl Rates {
     pub(crate) fn of_springs(state: NetworkState<'_>) -> Self {
         let NetworkState { network, x, .. } = state;
         let (mut beta, mut kappa) = (0.0_f64, 0.0_f64);
-        let mut of_elements = Vec::new();
-        if !network.hexahedra().is_empty() {
-            of_elements.resize(network.node_count(), (0.0, 0.0));
-            network.hexahedra().add_bounds(x, &mut of_elements);
-        }
+        let of_elements = network.element_bounds(x);
         for &node in network.free() {
             let (mut k, mut b) = (DMat3::ZERO, DMat3::ZERO);
             for &link in network.incident_links(node) {

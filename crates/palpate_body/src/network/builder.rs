@@ -3,7 +3,8 @@
 use super::{Grid, Network, NetworkParts};
 use crate::cell_tissue::CellTissue;
 use crate::error::{check, check_positive};
-use crate::{BodyError, Hexahedra, Link, Tissue};
+use crate::tetrahedra::shape;
+use crate::{BodyError, Hexahedra, Link, Tetrahedra, Tissue};
 use glam::DVec3;
 use palpate_laws::{ForceLaw, HexahedronShape, Spring};
 use std::collections::HashSet;
@@ -37,6 +38,7 @@ pub struct NetworkBuilder {
     links: Vec<Link>,
     cells: Vec<[usize; 8]>,
     hexahedra: Hexahedra,
+    tetrahedra: Tetrahedra,
     allow_free: bool,
     /// Grid of an edited network, valid while the number of nodes is unchanged.
     grid: Option<Grid>,
@@ -49,7 +51,18 @@ impl Network {
     pub fn edit(self) -> NetworkBuilder {
         let of_elements: HashSet<[usize; 8]> = self.hexahedra.iter().map(|element| element.nodes).collect();
         let cells = self.cells().iter().filter(|cell| !of_elements.contains(*cell)).copied().collect();
-        let Self { rest_m, mass_kg, mut drag_ns_per_m, fixed, links, hexahedra, allow_free, grid, .. } = self;
+        let Self {
+            rest_m,
+            mass_kg,
+            mut drag_ns_per_m,
+            fixed,
+            links,
+            hexahedra,
+            tetrahedra,
+            allow_free,
+            grid,
+            ..
+        } = self;
         drag_ns_per_m.resize(rest_m.len(), 0.0);
         let error = None;
         NetworkBuilder {
@@ -60,6 +73,7 @@ impl Network {
             links,
             cells,
             hexahedra,
+            tetrahedra,
             allow_free,
             grid,
             error,
@@ -169,6 +183,41 @@ impl NetworkBuilder {
         Ok(())
     }
 
+    /// Adds four-node tetrahedra of `tissue` between nodes, and returns the index of the first. The edges from the first node of each must be
+    /// right-handed. Their mass is distributed equally over their nodes and added to theirs, which may be 0 before. The deformation of adjacent
+    /// elements of equal tissue is averaged; see [`palpate_laws::DomainMaterial`].
+    pub fn tetrahedra(&mut self, elements: &[[usize; 4]], tissue: &Tissue) -> usize {
+        let first = self.tetrahedra.len();
+        match tissue.validate() {
+            Ok(()) => self.tetrahedral_cell(elements, &CellTissue::of(tissue)),
+            Err(error) => drop(self.refuse(error)),
+        }
+        first
+    }
+
+    /// [`NetworkBuilder::tetrahedra`] of a mixed tissue.
+    pub(crate) fn tetrahedral_cell(&mut self, elements: &[[usize; 4]], tissue: &CellTissue) {
+        if let Err(error) = elements.iter().try_for_each(|nodes| self.add_tetrahedron(*nodes, tissue)) {
+            self.refuse(error);
+        }
+    }
+
+    fn add_tetrahedron(&mut self, nodes: [usize; 4], tissue: &CellTissue) -> Result<(), BodyError> {
+        let (element, count) = (self.tetrahedra.len(), self.rest_m.len());
+        let mut corners = [DVec3::ZERO; 4];
+        for (to, node) in corners.iter_mut().zip(nodes) {
+            *to = *self.rest_m.get(node).ok_or(BodyError::ElementNode { element, node, nodes: count })?;
+        }
+        let (volume_m3, _) = shape(corners).ok_or(BodyError::ElementShape { element })?;
+        let quarter_kg = tissue.density_kg_per_m3 * volume_m3 / 4.0;
+        for node in nodes {
+            self.mass_kg[node] += quarter_kg;
+            self.drag_ns_per_m[node] += tissue.drag_ns_per_m(quarter_kg);
+        }
+        self.tetrahedra.push(nodes, tissue);
+        Ok(())
+    }
+
     /// Adds a link and returns its index. Its spring need not be at rest.
     pub fn link(&mut self, link: Link) -> usize {
         self.links.push(link);
@@ -231,6 +280,12 @@ impl NetworkBuilder {
                 self.hexahedra.scale(index, stiffness, damping);
             }
         }
+        for index in 0..self.tetrahedra.len() {
+            let corners = self.tetrahedra.get(index).map(|node| self.rest_m[node]);
+            if inside(corners.iter().sum::<DVec3>() / 4.0) {
+                self.tetrahedra.scale(index, stiffness, damping);
+            }
+        }
         for ((m, drag), x) in self.mass_kg.iter_mut().zip(&mut self.drag_ns_per_m).zip(&self.rest_m) {
             if inside(*x) {
                 *m *= mass;
@@ -286,7 +341,16 @@ impl NetworkBuilder {
                 let nodes = self.rest_m.len();
                 let grid = self.grid.take().filter(|grid| grid.youngs_modulus_pa.len() == nodes);
                 let Self {
-                    rest_m, mass_kg, drag_ns_per_m, fixed, links, cells, hexahedra, allow_free, ..
+                    rest_m,
+                    mass_kg,
+                    drag_ns_per_m,
+                    fixed,
+                    links,
+                    cells,
+                    hexahedra,
+                    tetrahedra,
+                    allow_free,
+                    ..
                 } = self;
                 let parts = NetworkParts {
                     rest_m,
@@ -296,6 +360,7 @@ impl NetworkBuilder {
                     links,
                     cells,
                     hexahedra,
+                    tetrahedra,
                     allow_free,
                 };
                 let network = Network::assemble(parts)?;

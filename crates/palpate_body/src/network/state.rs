@@ -12,6 +12,6 @@ pub(crate) struct NetworkState<'a> {
     pub(crate) x: &'a [DVec3],
     /// Velocity of every node, m/s.
     pub(crate) v: &'a [DVec3],
-    /// Relaxed stress of every element; empty where none relaxes.
+    /// Relaxed stress of every hexahedron, and then of every smoothed domain of a node; empty where none relaxes.
     pub(crate) relaxed: &'a [RelaxedStress],
 }

@@ -3,19 +3,28 @@
 use crate::{LoopConfig, LoopSettings, haptic_loop};
 use glam::{DMat3, DVec3};
 use palpate_laws::{
-    ElementMaterial, HexahedronShape, LameParameters, MAX_PATCHES, Neighbour, PATCH_ROWS, Patch, PatchScale,
-    Spring, SurfacePlace, ToolShape, VirtualCoupling, VolumeBarrier,
+    DomainMaterial, ElementMaterial, HexahedronShape, LameParameters, MAX_PATCHES, Neighbour, PATCH_ROWS,
+    Patch, PatchScale, Spring, SurfacePlace, ToolShape, VirtualCoupling, VolumeBarrier,
 };
 use palpate_local::{
-    Capacity, Cholesky, Contact, HandOverSettings, LocalModel, ModelId, NearContact, NearEnd, NearField,
-    NearFieldCapacity, NearHexahedron, NearPatch, NearSpring, NearTetrahedron, NearTriangle, OtherToolForce,
-    Scheme, SecondBody, Support, TickIntegrator,
+    Capacity, Cholesky, Contact, HandOverSettings, LocalModel, ModelId, NearContact, NearDomain, NearEnd,
+    NearField, NearFieldCapacity, NearHexahedron, NearPatch, NearSpring, NearTetrahedron, NearTriangle,
+    OtherToolForce, Scheme, SecondBody, Support, TickIntegrator,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
 
 const CAPACITY: Capacity = Capacity { order: 5, near: OF_BODY, second: OF_BODY };
-const OF_BODY: NearFieldCapacity =
-    NearFieldCapacity { nodes: 4, order: 6, ring: 8, springs: 12, hexahedra: 8, points: 5, triangles: 5 };
+const OF_BODY: NearFieldCapacity = NearFieldCapacity {
+    nodes: 4,
+    order: 6,
+    ring: 8,
+    springs: 12,
+    hexahedra: 8,
+    domains: 6,
+    domain_nodes: 40,
+    points: 5,
+    triangles: 5,
+};
 
 /// Number of models to be received.
 const RECEIVED: u64 = if cfg!(miri) { 20 } else { 10_000 };
@@ -100,6 +109,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         tetrahedra,
         hexahedra,
         shapes,
+        domains,
         points,
         triangles,
         support,
@@ -113,6 +123,9 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         tetrahedron,
         hexahedron,
         shape: shapes_at_rest,
+        domain,
+        domain_node,
+        domain_gradient_per_m,
         point,
         triangle,
         contact,
@@ -143,6 +156,7 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         (tetrahedra, 2 * capacity.springs),
         (hexahedra, capacity.hexahedra),
         (shapes, capacity.hexahedra),
+        (domains, capacity.domains),
         (points, capacity.points),
         (triangles, capacity.triangles),
     ] {
@@ -186,6 +200,15 @@ fn write_near(n: &mut Numbers, near: &mut NearField) {
         let relaxed = [[n.next(); 6], [n.next(); 6], [n.next(); 6]];
         *element = NearHexahedron { nodes, shape: n.size(7), material, relaxed };
     }
+    for domain in domain {
+        let mut of = || LameParameters { mu: n.next(), lambda: n.next() };
+        let material = ElementMaterial { parameters_j: of(), viscous_js: of(), ..ElementMaterial::default() };
+        let material = DomainMaterial { material, gradient_j: n.next() };
+        let relaxed = [[n.next(); 6], [n.next(); 6], [n.next(); 6]];
+        *domain = NearDomain { entries: (n.size(20), n.size(20)), material, relaxed };
+    }
+    domain_node.iter_mut().for_each(|node| *node = n.size(7) as u16);
+    domain_gradient_per_m.iter_mut().for_each(|v| *v = n.vector());
     for shape in shapes_at_rest {
         let size_m = DVec3::new(n.next(), n.next(), n.next());
         let corner = |c: usize| size_m * DVec3::from_array([0, 1, 2].map(|axis| (c >> axis & 1) as f64));

@@ -28,7 +28,8 @@ const STEP: f64 = 0.025;
 /// Solves the case of `options` with `cells` cells along the longest edge.
 pub(super) fn solve(options: &Continuum, cells: usize) -> Result<Solution, LabError> {
     let network = network(options, cells)?;
-    let (elements, nodes) = (network.hexahedra().len().max(network.links().len()), network.node_count());
+    let counts = [network.links().len(), network.hexahedra().len(), network.tetrahedra().len()];
+    let (elements, nodes) = (counts.into_iter().sum(), network.node_count());
     let mut statics = Statics::new(network)?;
     let mut modes_hz = Vec::new();
     let value = match options.case {

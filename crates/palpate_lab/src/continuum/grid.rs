@@ -4,7 +4,7 @@ use super::options::{Case, Continuum};
 use crate::element_options::ElementOption;
 use crate::error::LabError;
 use glam::DVec3;
-use palpate_body::{Block, Face, Network, NetworkBuilder};
+use palpate_body::{Block, Face, Network, NetworkBuilder, cell_tetrahedra};
 
 /// Half the edge of a punch over the longest edge of the top.
 const PUNCH: f64 = 0.1;
@@ -27,7 +27,7 @@ pub(super) fn network(options: &Continuum, cells: usize) -> Result<Network, LabE
     let along = |axis: usize| -> Vec<f64> {
         let (low, high) = (-0.5 * size[axis], 0.5 * size[axis]);
         let count = ((size[axis] / size.max_element() * cells as f64).round() as usize).max(1);
-        match punch_m.filter(|_| options.element == ElementOption::Hex) {
+        match punch_m.filter(|_| options.element != ElementOption::Spring) {
             Some(half) if axis < 2 && 2.0 * half < size[axis] => around_punch(high, half, count),
             Some(_) if axis == 2 => {
                 // Finer towards the top.
@@ -52,8 +52,11 @@ pub(super) fn network(options: &Continuum, cells: usize) -> Result<Network, LabE
             let block = Block::new(nodes, size)?.centered_at(low)?.allow_unconstrained();
             block.tissue(&tissue)?.network.edit()
         }
-        ElementOption::Hex => hexahedra(&axes, low, |network, nodes| {
-            network.hexahedron(nodes, &tissue, 1.0);
+        ElementOption::Hex => grid_of_cells(&axes, low, |network, corners| {
+            network.hexahedron(corners, &tissue, 1.0);
+        }),
+        ElementOption::Tet => grid_of_cells(&axes, low, |network, corners| {
+            network.tetrahedra(&cell_tetrahedra(corners), &tissue);
         }),
     };
     let is_low = |face: Face, x: DVec3| (x - low)[face.axis()] < -0.5 * size[face.axis()] + 1e-9;
@@ -92,8 +95,8 @@ fn lines(from: f64, to: f64, cells: usize) -> impl Iterator<Item = f64> {
     (0..=cells).map(move |i| from + (to - from) * i as f64 / cells as f64)
 }
 
-/// Nodes at all places of the axes relative to `center`, with elements between them that `add` adds.
-fn hexahedra(
+/// Nodes at all places of the axes relative to `center`, with elements in the cells between them that `add` adds.
+fn grid_of_cells(
     axes: &[Vec<f64>; 3],
     center: DVec3,
     mut add: impl FnMut(&mut NetworkBuilder, [usize; 8]),

@@ -1,7 +1,7 @@
 //! Arguments of `palpate-lab probe` and their allowed ranges.
 
 use super::options::{self, BuiltinBody, CouplingKind, IntegratorKind, Lump, Nodes, Place, Scan, Tool};
-use crate::element_options::ElementOptions;
+use crate::element_options::{ElementOption, ElementOptions};
 use crate::error::{LabError, check, number, whole};
 use clap::Args;
 use palpate_body::CellLattice;
@@ -116,6 +116,9 @@ impl Probe {
         check("--youngs-pa", self.youngs_pa, (1.0..=1e9).contains(&self.youngs_pa), "1 to 1e9")?;
         check("--density", self.density, (1.0..=1e5).contains(&self.density), "1 to 100000")?;
         self.elements.validate()?;
+        if self.mesh.is_some() && self.elements.element == ElementOption::Tet {
+            return Err(LabError::TetrahedraInMesh);
+        }
         check("--damping", self.damping, (0.0..=100.0).contains(&self.damping), "0 to 100")?;
         self.lump.map_or(Ok(()), Lump::validate)?;
         let radius = self.tool.radius_m();

@@ -68,16 +68,19 @@ fn block(probe: &Probe, tissue: Tissue) -> Result<(Network, Surface), LabError> 
     let made = match probe.elements.element {
         ElementOption::Spring => block.tissue(&tissue)?,
         ElementOption::Hex => block.elements(&tissue)?,
+        ElementOption::Tet => block.tetrahedra(&tissue)?,
     };
     let mut network = made.network;
     if let Some(lump) = probe.lump {
         let inside = lump.region(0.5 * size_m.y * DVec3::Y);
         let middle = |link: &palpate_body::Link| 0.5 * (network.rest_m()[link.a] + network.rest_m()[link.b]);
-        let center =
-            |nodes: &[usize; 8]| nodes.map(|node| network.rest_m()[node]).iter().sum::<DVec3>() / 8.0;
+        let center = |nodes: &[usize]| {
+            nodes.iter().map(|node| network.rest_m()[*node]).sum::<DVec3>() / nodes.len() as f64
+        };
         let of_links = network.links().iter().map(middle);
-        let of_elements = network.hexahedra().iter().map(|element| center(&element.nodes));
-        if !of_links.chain(of_elements).any(|at| inside.contains(at)) {
+        let of_hexahedra = network.hexahedra().iter().map(|element| center(&element.nodes));
+        let of_tetrahedra = network.tetrahedra().iter().map(|nodes| center(&nodes));
+        if !of_links.chain(of_hexahedra).chain(of_tetrahedra).any(|at| inside.contains(at)) {
             return Err(lump.empty(cell_m));
         }
         // Dampers are proportional to the root of the stiffness.
@@ -113,7 +116,7 @@ fn mesh(probe: &Probe, path: &Path, tissue: Tissue) -> Result<(Network, Surface)
         let lattice = lattice.clone().fix(plane);
         match probe.elements.element {
             ElementOption::Spring => lattice.tissue(&tissue),
-            ElementOption::Hex => lattice.elements(&tissue),
+            ElementOption::Hex | ElementOption::Tet => lattice.elements(&tissue),
         }
     };
     let is_empty = |error: &BodyError| matches!(error, BodyError::Mesh(MeshError::EmptyRegion { what, .. }) if what.contains("fixed"));

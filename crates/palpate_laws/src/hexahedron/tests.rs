@@ -1,4 +1,5 @@
 use super::*;
+use crate::{ElasticLaw, LameParameters, Relaxation};
 use glam::DQuat;
 
 /// Nothing has relaxed.

@@ -13,6 +13,9 @@ pub struct NearFieldCapacity {
     pub springs: usize,
     /// Maximum number of near hexahedra, and of their shapes.
     pub hexahedra: usize,
+    /// Maximum number of near smoothed domains of tetrahedra, and of their nodes, each counted once in each of its domains.
+    pub domains: usize,
+    pub domain_nodes: usize,
     /// Maximum number of surface points.
     pub points: usize,
     /// Maximum number of surface triangles.
@@ -21,13 +24,31 @@ pub struct NearFieldCapacity {
 
 impl NearFieldCapacity {
     /// No near field.
-    pub const NONE: Self =
-        Self { nodes: 0, order: 0, ring: 0, springs: 0, hexahedra: 0, points: 0, triangles: 0 };
+    pub const NONE: Self = Self {
+        nodes: 0,
+        order: 0,
+        ring: 0,
+        springs: 0,
+        hexahedra: 0,
+        domains: 0,
+        domain_nodes: 0,
+        points: 0,
+        triangles: 0,
+    };
 }
 
 impl Default for NearFieldCapacity {
-    /// Sizes for sixteen nodes of a lattice in which each node has 26 neighbours.
+    /// Sizes for sixteen nodes of a lattice in which each node has 26 neighbours. There are no tetrahedra.
     fn default() -> Self {
-        Self { nodes: 16, order: 64, ring: 112, springs: 400, hexahedra: 64, points: 96, triangles: 192 }
+        Self {
+            nodes: 16,
+            order: 64,
+            ring: 112,
+            springs: 400,
+            hexahedra: 64,
+            points: 96,
+            triangles: 192,
+            ..Self::NONE
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! The springs, volume barriers and elements of a near field, as plain data.
 
 use glam::DVec3;
-use palpate_laws::{ElementMaterial, RelaxedStress, Spring, VolumeBarrier};
+use palpate_laws::{DomainMaterial, ElementMaterial, RelaxedStress, Spring, VolumeBarrier};
 
 /// The end b of a near spring.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -45,4 +45,25 @@ pub struct NearHexahedron {
     pub material: ElementMaterial,
     /// Relaxed stress at the model step, times the volume, J.
     pub relaxed: RelaxedStress,
+}
+
+/// A smoothed domain of tetrahedra that has a free node in S.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct NearDomain {
+    /// First of its entries in [`NearField::domain_node`](crate::NearField::domain_node) and
+    /// [`NearField::domain_gradient_per_m`](crate::NearField::domain_gradient_per_m), and their number.
+    pub entries: (usize, usize),
+    /// Material.
+    pub material: DomainMaterial,
+    /// Relaxed stress at the model step, times the volume, J.
+    pub relaxed: RelaxedStress,
+}
+
+impl NearDomain {
+    /// Its part of a list of entries.
+    #[must_use]
+    pub fn part<'a, T>(&self, of: &'a [T]) -> &'a [T] {
+        let (first, count) = self.entries;
+        first.checked_add(count).and_then(|end| of.get(first..end)).unwrap_or_default()
+    }
 }

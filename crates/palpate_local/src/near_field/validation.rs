@@ -42,6 +42,9 @@ impl NearField {
         let springs = self.near.get(..self.springs).unwrap_or_default();
         let tetrahedra = self.tetrahedron.get(..self.tetrahedra).unwrap_or_default();
         let hexahedra = self.hexahedron.get(..self.hexahedra).unwrap_or_default();
+        let domains = self.domain.get(..self.domains).unwrap_or_default();
+        let domain_nodes = self.domain_node.get(..self.domain_nodes()).unwrap_or_default();
+        let domain_gradients = self.domain_gradient_per_m.get(..domain_nodes.len()).unwrap_or_default();
         let shapes = self.shape.get(..self.shapes).unwrap_or_default();
         let points = self.point.get(..self.points).unwrap_or_default();
         let triangles = self.triangle.get(..self.triangles).unwrap_or_default();
@@ -55,6 +58,13 @@ impl NearField {
                     .iter()
                     .all(|of| of.material.is_finite() && of.relaxed.iter().flatten().all(|h| h.is_finite())),
             ),
+            (
+                "materials of near domains",
+                domains
+                    .iter()
+                    .all(|of| of.material.is_finite() && of.relaxed.iter().flatten().all(|h| h.is_finite())),
+            ),
+            ("gradients of near domains", finite(domain_gradients)),
             ("shapes of near hexahedra", shapes.iter().all(HexahedronShape::is_finite)),
             (
                 "weights of the surface",
@@ -97,6 +107,12 @@ impl NearField {
                     of.shape < self.shapes
                         && of.nodes.iter().all(|node| usize::from(*node) < self.nodes + self.ring)
                 }),
+            ),
+            (
+                "a near domain",
+                domain_gradients.len() == self.domain_nodes()
+                    && domains.iter().all(|of| of.part(domain_nodes).len() == of.entries.1)
+                    && domain_nodes.iter().all(|node| usize::from(*node) < self.nodes + self.ring),
             ),
             (
                 "a point of the surface",

@@ -1,11 +1,12 @@
-//! Stiffness and damping of the near tetrahedra and hexahedra.
+//! Stiffness and damping of the near tetrahedra and elements.
 
 use super::ring_projection;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par};
 use glam::{DMat3, DVec3};
 use palpate_body::{BarrierTetrahedron, VolumeBarrier};
-use palpate_local::{NearField, NearTetrahedron};
+use palpate_laws::{StressTangent, domain_gradient, stress_block, stress_change};
+use palpate_local::{NearDomain, NearField, NearTetrahedron};
 
 /// Stiffness and damping over z = (δx_S, q), n × n each.
 pub(crate) struct OverState {
@@ -13,8 +14,9 @@ pub(crate) struct OverState {
     pub(crate) damping: Mat<f64>,
 }
 
-/// Stiffness and damping of the near tetrahedra and hexahedra over z; `None` where there are no hexahedra and no barrier is active. With
-/// `clamped` the stiffness is positive semidefinite.
+/// Stiffness and damping of the near tetrahedra and elements over z; `None` where there are no elements and no barrier is active. With
+/// `clamped` the stiffness of tetrahedra and hexahedra is positive semidefinite; that of smoothed domains only together with that of the far
+/// field.
 pub(crate) fn over_state(field: &NearField, clamped: bool) -> Option<OverState> {
     let x = positions(field);
     let tetrahedra = field.tetrahedron[..field.tetrahedra].iter();
@@ -22,8 +24,8 @@ pub(crate) fn over_state(field: &NearField, clamped: bool) -> Option<OverState> 
         tetrahedra.map(|&NearTetrahedron { nodes, barrier }| BarrierTetrahedron { nodes, barrier });
     let active: Vec<BarrierTetrahedron> =
         tetrahedra.filter(|tetrahedron| VolumeBarrier::is_active(tetrahedron.ratio(&x))).collect();
-    let (size, has_hexahedra) = (3 * x.len(), field.hexahedra > 0);
-    if active.is_empty() && !has_hexahedra {
+    let (size, has_elements) = (3 * x.len(), field.hexahedra + field.domains > 0);
+    if active.is_empty() && !has_elements {
         return None;
     }
     // Over the nodes of S and of the ring.
@@ -35,7 +37,7 @@ pub(crate) fn over_state(field: &NearField, clamped: bool) -> Option<OverState> 
             }
         }
     }
-    let mut b = has_hexahedra.then(|| Mat::<f64>::zeros(size, size));
+    let mut b = has_elements.then(|| Mat::<f64>::zeros(size, size));
     for element in &field.hexahedron[..field.hexahedra] {
         let (shape, nodes) = (&field.shape[element.shape], element.nodes.map(usize::from));
         let corners = nodes.map(|node| x[node]);
@@ -50,12 +52,39 @@ pub(crate) fn over_state(field: &NearField, clamped: bool) -> Option<OverState> 
             }
         }
     }
+    for domain in &field.domain[..field.domains] {
+        add_domain(field, domain, &x, clamped, (&mut k, b.as_mut()));
+    }
     let n = field.unknowns();
     let damping = b.map_or_else(|| Mat::zeros(n, n), |b| project(field, &b));
     Some(OverState { stiffness: project(field, &k), damping })
 }
 
-/// Subtracts stiffness and damping of all near springs, tetrahedra and hexahedra from the matrices of q, which have those of the whole body.
+/// Adds stiffness and damping of a smoothed domain.
+fn add_domain(
+    field: &NearField,
+    domain: &NearDomain,
+    x: &[DVec3],
+    clamped: bool,
+    (k, b): (&mut Mat<f64>, Option<&mut Mat<f64>>),
+) {
+    let (nodes, gradients) = (domain.part(&field.domain_node), domain.part(&field.domain_gradient_per_m));
+    let f = domain_gradient(gradients, nodes.iter().map(|node| x[usize::from(*node)]));
+    let add_all = |to: &mut Mat<f64>, tangent: &StressTangent| {
+        for (&column, of_column) in nodes.iter().zip(gradients) {
+            let change = stress_change(tangent, *of_column);
+            for (&row, of_row) in nodes.iter().zip(gradients) {
+                add(to, row.into(), column.into(), stress_block(&change, *of_row));
+            }
+        }
+    };
+    add_all(k, &domain.material.tangent_j(&f, &domain.relaxed, clamped));
+    if let (Some(b), Some(tangent)) = (b, domain.material.viscous_tangent_js(&f)) {
+        add_all(b, &tangent);
+    }
+}
+
+/// Subtracts stiffness and damping of all near springs, tetrahedra and elements from the matrices of q, which have those of the whole body.
 pub(super) fn subtract_near(field: &mut NearField, clamped: bool) {
     let (p, s) = (field.order, 3 * field.nodes);
     let of_springs = (field.springs > 0).then(|| {
