@@ -49,7 +49,7 @@ fn set_up(mut commands: Commands, assets: Res<AssetServer>) {
 /// before its weight has deformed it.
 fn organ(assets: &AssetServer) -> impl Bundle {
     // Young's modulus of a healthy liver. The damping lets the organ come to rest without rocking.
-    let tissue = Tissue { youngs_modulus_pa: 5e3, damping: Damping::Ratio(1.0), ..default() };
+    let tissue = Tissue { youngs_modulus_pa: 5e3, damping: Damping::Ratio(2.0), ..default() };
     let lump = BodyRegion::Sphere { center_m: DVec3::new(-0.034, 0.013, -0.0075), radius_m: 0.010 };
     (
         DeformableBody::from_mesh(assets.load("meshes/organ.glb")),

@@ -1,5 +1,5 @@
 //! This example demonstrates grasp and suture: a tool grasps a wound's edge and pulls it across, three threads are sewn and tightened, and
-//! the tool finally tears them.
+//! the tool finally tears the middle one; the others hold.
 //!
 //! `cargo run --release --example suture_pull` prints the forces; `--features panel,gizmos` opens a window, in which key M selects the
 //! mouse, whose left button grasps.
@@ -14,7 +14,7 @@ use bevy::prelude::*;
 use clap::Parser;
 use palpate_stage::{Stage, StageOptions};
 
-/// A tool grasps a wound's edge and pulls it across; threads hold it, with equal forces on both sides, until they tear.
+/// A tool grasps a wound's edge and pulls it across; threads hold it, with equal forces on both sides, until one tears.
 #[derive(Clone, Debug, Parser)]
 #[command(after_help = "Examples:\n  suture_pull --seconds 3\n  suture_pull --pictures . --at 1.2,2.8")]
 pub struct Options {

@@ -63,7 +63,8 @@ fn number(value: &Value, key: &str) -> f64 {
 
 #[test]
 fn indentation_agrees_with_hertz_and_the_flat_punch() {
-    for (tip, half_space, layer) in [("ball", 1.05..1.7, 0.95..1.05), ("punch", 1.15..1.7, 0.95..1.05)] {
+    // The formula of the punch is of first order in its radius, a third of the thickness.
+    for (tip, half_space, layer) in [("ball", 1.05..1.7, 0.98..1.02), ("punch", 1.15..1.7, 0.93..1.05)] {
         let report = json(&printed("indentation", &["--tip", tip, "--seconds", "3"]));
         let stairs = report.as_array().unwrap();
         assert_eq!(stairs.len(), 4, "{report}");
@@ -98,7 +99,7 @@ fn threads_pull_both_sides_equally_and_tear_at_their_limit() {
         assert!((300.0 * number(thread, "extension_m") / tension_n - 1.0).abs() < 0.01, "a spring: {thread}");
     }
     let torn: Vec<f64> = report["torn_at_n"].as_array().unwrap().iter().filter_map(Value::as_f64).collect();
-    assert_eq!(torn.len(), 3, "{report}");
+    assert_eq!(torn.len(), 1, "the middle one: {report}");
     assert!(torn.iter().all(|at_n| (limit_n..1.1 * limit_n).contains(at_n)), "{torn:?}");
     assert!(number(&report, "sewn_m") < 0.7 * number(&report, "apart_m"), "{report}");
 }

@@ -196,6 +196,8 @@ const OF_BODY: NearFieldCapacity = NearFieldCapacity {
     ring: 950,
     springs: 1664,
     hexahedra: 512,
+    domains: 2048,
+    domain_nodes: 12_288,
     points: 640,
     triangles: 1280,
 };

@@ -13,8 +13,9 @@ pub struct NearFieldCapacity {
     pub springs: usize,
     /// Maximum number of near hexahedra, and of their shapes.
     pub hexahedra: usize,
-    /// Maximum number of near smoothed domains of tetrahedra, and of their nodes, each counted once in each of its domains.
+    /// Maximum number of near smoothed domains of tetrahedra.
     pub domains: usize,
+    /// Maximum number of nodes of near smoothed domains, each counted once in each of its domains.
     pub domain_nodes: usize,
     /// Maximum number of surface points.
     pub points: usize,
