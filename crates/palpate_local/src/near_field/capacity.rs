@@ -7,14 +7,15 @@ pub struct NearFieldCapacity {
     pub nodes: usize,
     /// Maximum number p of columns of the far field's basis V.
     pub order: usize,
-    /// Maximum number of ring nodes: nodes outside S that share a near spring, tetrahedron or element with S.
+    /// Maximum number of ring nodes: nodes outside S that share a near spring, tetrahedron, element or domain with S.
     pub ring: usize,
     /// Maximum number of near springs. The maximum number of near tetrahedra is twice that.
     pub springs: usize,
     /// Maximum number of near hexahedra, and of their shapes.
     pub hexahedra: usize,
-    /// Maximum number of near smoothed domains of tetrahedra, and of their nodes, each counted once in each of its domains.
+    /// Maximum number of near smoothed domains of tetrahedra.
     pub domains: usize,
+    /// Maximum number of the nodes of near domains, each counted once in each of its domains.
     pub domain_nodes: usize,
     /// Maximum number of surface points.
     pub points: usize,
