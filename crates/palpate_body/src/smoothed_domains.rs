@@ -14,8 +14,8 @@ pub struct SmoothedDomains {
     nodes: Vec<u32>,
     gradients_per_m: Vec<DVec3>,
     materials: Vec<DomainMaterial>,
-    /// Number of domains of nodes.
-    of_nodes: usize,
+    /// Node of each of the domains of nodes.
+    centers: Vec<u32>,
     /// Domains of each node.
     incidence: Incidence,
 }
@@ -28,8 +28,11 @@ pub struct SmoothedDomain<'a> {
     /// Gradient b_i of each node, 1/m: the deformation gradient is Σ_i x_i ⊗ b_i.
     pub gradients_per_m: &'a [DVec3],
     /// Material.
-    pub material: &'a DomainMaterial,
+    pub material: DomainMaterial,
 }
+
+/// Number of rings of tetrahedra around a nearly flat or inverted one whose nodes have a reduced volume stiffness. Without them folds can remain.
+const RINGS: usize = 2;
 
 /// The relaxed stress of a domain whose stress has not relaxed.
 const FRESH: RelaxedStress = [[0.0; 6]; palpate_laws::MAX_PRONY_TERMS];
@@ -53,9 +56,15 @@ impl SmoothedDomains {
         self.materials.push(material);
     }
 
-    /// Ends the domains of nodes: those of tetrahedra follow.
-    pub(crate) fn end_of_nodes(&mut self) {
-        self.of_nodes = self.len();
+    /// Adds the domain of the node `center`. Those of nodes come before those of tetrahedra.
+    pub(crate) fn push_of_node(
+        &mut self,
+        center: usize,
+        nodes: impl Iterator<Item = (u32, DVec3)>,
+        material: DomainMaterial,
+    ) {
+        self.centers.push(center as u32);
+        self.push(nodes, material);
     }
 
     /// Lists the domains of each of `nodes` nodes.
@@ -67,6 +76,56 @@ impl SmoothedDomains {
     /// Rotates the gradients.
     pub(crate) fn turn(&mut self, rotation: DQuat) {
         self.gradients_per_m.iter_mut().for_each(|gradient| *gradient = rotation * *gradient);
+    }
+
+    /// By node, the share of the volume stiffness that is in force: 1 unless a tetrahedron near the node is almost flat or inverted. Empty where all
+    /// are 1.
+    #[must_use]
+    pub fn volume_shares(&self, x: &[DVec3]) -> Vec<f64> {
+        let mut shares = Vec::new();
+        for domain in self.of_tetrahedra() {
+            let share = DomainMaterial::volume_share(domain.gradient(x).determinant());
+            if share < 1.0 {
+                if shares.is_empty() {
+                    shares.resize(x.len(), 1.0);
+                }
+                domain.lower(&mut shares, share);
+            }
+        }
+        if !shares.is_empty() {
+            for _ in 0..RINGS {
+                let before = shares.clone();
+                for domain in self.of_tetrahedra() {
+                    let share = domain.nodes.iter().map(|node| before[*node as usize]).fold(1.0, f64::min);
+                    domain.lower(&mut shares, share);
+                }
+            }
+        }
+        shares
+    }
+
+    /// Domains of tetrahedra.
+    fn of_tetrahedra(&self) -> impl Iterator<Item = SmoothedDomain<'_>> {
+        (self.of_nodes()..self.len()).map(|index| self.get(index))
+    }
+
+    /// The domain at `index` with its material at given [`SmoothedDomains::volume_shares`].
+    ///
+    /// # Panics
+    /// If there is none, or the shares are of another network.
+    #[must_use]
+    pub fn at_shares(&self, index: usize, shares: &[f64]) -> SmoothedDomain<'_> {
+        let domain = self.get(index);
+        if shares.is_empty() {
+            return domain;
+        }
+        let share = self.centers.get(index).map_or(1.0, |center| shares[*center as usize]);
+        SmoothedDomain { material: domain.material.with_volume_share(share), ..domain }
+    }
+
+    /// All domains with their material at given shares, with their indices.
+    fn all_at_shares<'a>(&'a self, shares: &'a [f64]) -> impl Iterator<Item = (usize, SmoothedDomain<'a>)> {
+        (0..self.len()).map(move |index| (index, self.at_shares(index, shares)))
     }
 
     /// Number of domains.
@@ -84,7 +143,7 @@ impl SmoothedDomains {
     /// Number of domains of nodes, the first ones. There are several of a node between tissues.
     #[must_use]
     pub fn of_nodes(&self) -> usize {
-        self.of_nodes
+        self.centers.len()
     }
 
     /// The domain at `index`.
@@ -97,7 +156,7 @@ impl SmoothedDomains {
         SmoothedDomain {
             nodes: &self.nodes[range.clone()],
             gradients_per_m: &self.gradients_per_m[range],
-            material: &self.materials[index],
+            material: self.materials[index],
         }
     }
 
@@ -132,7 +191,8 @@ impl SmoothedDomains {
         (x, v, relaxed): (&[DVec3], &[DVec3], &[RelaxedStress]),
         force: &mut [DVec3],
     ) {
-        for (index, domain) in self.iter().enumerate() {
+        let shares = self.volume_shares(x);
+        for (index, domain) in self.all_at_shares(&shares) {
             let stress_j = domain.stress_j(x, v, relaxed_of(relaxed, index));
             for (node, b) in domain.nodes.iter().zip(domain.gradients_per_m) {
                 force[*node as usize] -= stress_j * *b;
@@ -146,8 +206,9 @@ impl SmoothedDomains {
         (x, v, relaxed): (&[DVec3], &[DVec3], &[RelaxedStress]),
         node: usize,
     ) -> DVec3 {
+        let shares = self.volume_shares(x);
         let of = |&index: &usize| {
-            let domain = self.get(index);
+            let domain = self.at_shares(index, &shares);
             let b = domain.gradient_of(node).unwrap_or_default();
             -(domain.stress_j(x, v, relaxed_of(relaxed, index)) * b)
         };
@@ -156,10 +217,11 @@ impl SmoothedDomains {
 
     /// Energy of all domains, J.
     pub(crate) fn energy_j(&self, x: &[DVec3], relaxed: &[RelaxedStress]) -> f64 {
+        let shares = self.volume_shares(x);
         let of = |(index, domain): (usize, SmoothedDomain<'_>)| {
             domain.material.energy_j(&domain.gradient(x), relaxed_of(relaxed, index))
         };
-        self.iter().enumerate().map(of).sum()
+        self.all_at_shares(&shares).map(of).sum()
     }
 
     /// Power that the dampers dissipate, W.
@@ -174,7 +236,8 @@ impl SmoothedDomains {
 
     /// Adds bounds of stiffness, N/m, and damping, N s/m, to those of every node; see [`DomainMaterial::bounds_j`].
     pub(crate) fn add_bounds(&self, x: &[DVec3], bounds: &mut [(f64, f64)]) {
-        for domain in self.iter() {
+        let shares = self.volume_shares(x);
+        for (_, domain) in self.all_at_shares(&shares) {
             let (k, b) = domain.material.bounds_j(&domain.gradient(x));
             let sum: f64 = domain.gradients_per_m.iter().map(|of| of.length()).sum();
             for (node, of) in domain.nodes.iter().zip(domain.gradients_per_m) {
@@ -192,8 +255,9 @@ impl SmoothedDomains {
         (node, moved): (usize, DVec3),
         force: &mut [DVec3],
     ) {
+        let shares = self.volume_shares(x);
         for &index in self.incident(node) {
-            let domain = self.get(index);
+            let domain = self.at_shares(index, &shares);
             let tangent = domain.tangent_j(x, relaxed_of(relaxed, index), false);
             let change = stress_change(&tangent, domain.gradient_of(node).unwrap_or_default());
             let others = domain.nodes.iter().zip(domain.gradients_per_m);
@@ -209,6 +273,14 @@ impl SmoothedDomain<'_> {
     #[must_use]
     pub fn gradient(&self, of: &[DVec3]) -> DMat3 {
         domain_gradient(self.gradients_per_m, self.nodes.iter().map(|node| of[*node as usize]))
+    }
+
+    /// Lowers the values of the nodes to at most `most`.
+    fn lower(&self, values: &mut [f64], most: f64) {
+        self.nodes.iter().for_each(|node| {
+            let value = &mut values[*node as usize];
+            *value = value.min(most);
+        });
     }
 
     /// Gradient b of a node, 1/m.

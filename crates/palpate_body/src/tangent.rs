@@ -198,8 +198,11 @@ impl TangentPattern {
     fn add_domains(&self, state: NetworkState<'_>, clamped: bool, tangent: &mut Tangent) {
         let NetworkState { network, x, relaxed, .. } = state;
         let relaxed = network.split_relaxed(relaxed).1;
+        let domains = network.tetrahedra().domains();
+        let shares = domains.volume_shares(x);
         let mut first = self.domains.as_slice();
-        for (index, domain) in network.tetrahedra().domains().iter().enumerate() {
+        for index in 0..domains.len() {
+            let domain = domains.at_shares(index, &shares);
             let count = domain.nodes.len();
             let (of_domain, rest) = first.split_at(count * count);
             first = rest;

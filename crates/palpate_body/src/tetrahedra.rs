@@ -104,10 +104,9 @@ impl Tetrahedra {
                 let gradients =
                     of_nodes.map(|of| (of[0].0, of.iter().map(|(_, b)| *b).sum::<DVec3>() / volume_m3));
                 let material = ElementMaterial { parameters_j, ..materials[alike[0]] };
-                domains.push(gradients, DomainMaterial::of_node(material));
+                domains.push_of_node(node, gradients, DomainMaterial::of_node(material));
             }
         }
-        domains.end_of_nodes();
         for ((nodes, (_, gradients)), material) in self.nodes.iter().zip(shapes).zip(materials) {
             domains.push(nodes.iter().copied().zip(gradients), DomainMaterial::of_tetrahedron(material));
         }

@@ -23,6 +23,7 @@ mod random_obstacles;
 mod rest;
 mod rigid_obstacles;
 mod tetrahedra;
+mod tetrahedral_mesh;
 mod ties;
 mod touch;
 mod two_bodies;

@@ -18,6 +18,8 @@ const CAPACITY: Capacity = Capacity {
         ring: 3,
         springs: 6,
         hexahedra: 8,
+        domains: 0,
+        domain_nodes: 0,
         points: 3,
         triangles: 1,
     },

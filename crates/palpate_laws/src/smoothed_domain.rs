@@ -8,6 +8,8 @@ use glam::{DMat3, DVec3};
 /// deviate by less than 3 % from converged solutions.
 const STABILIZATION: f64 = 0.44;
 const STABILIZATION_PER_RATIO: f64 = 0.32;
+/// Volume ratio of a tetrahedron below which the volume stiffness around it is not in full force.
+const UPRIGHT: f64 = 0.1;
 
 /// A smoothed domain of a mesh of four-node tetrahedra: its material, with the deformation gradient F = Σ_i x_i ⊗ b_i over its nodes.
 ///
@@ -25,7 +27,10 @@ const STABILIZATION_PER_RATIO: f64 = 0.32;
 ///
 /// The second form is evaluated: one domain of each node, with a negative part of |F|², and one of each tetrahedron, with the positive part. The
 /// stabilization is zero for affine deformations and does not change with rotation. It is constant, convex, and no part of λ, so nothing locks as
-/// ν approaches 1/2, and inverted tetrahedra are restored. α is 0.44 − 0.32 ν. The viscous stress acts in the tetrahedra.
+/// ν approaches 1/2. α is 0.44 − 0.32 ν. The viscous stress acts in the tetrahedra.
+///
+/// The means can be upright while tetrahedra are inverted. A large λ would keep such folds. So near a tetrahedron that is nearly flat or inverted, λ
+/// is at most μ ([`DomainMaterial::with_volume_share`]). The share counts as constant in the forces.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DomainMaterial {
     /// Law, parameters, damping and relaxation.
@@ -48,6 +53,22 @@ impl DomainMaterial {
         let ElementMaterial { law, viscous_js, .. } = material;
         let material_without_law = ElementMaterial { law, viscous_js, ..ElementMaterial::default() };
         Self { material: material_without_law, gradient_j: stabilization_j(&material) }
+    }
+
+    /// The share of the volume stiffness that is in force around a tetrahedron with the volume ratio `ratio`: 1 from a ratio of 0.1 on, 0 if it is
+    /// inverted.
+    #[must_use]
+    pub fn volume_share(ratio: f64) -> f64 {
+        let t = (ratio / UPRIGHT).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    }
+
+    /// The material with the share `share` of the part of λ that exceeds μ.
+    #[must_use]
+    pub fn with_volume_share(mut self, share: f64) -> Self {
+        let LameParameters { mu, lambda } = self.material.parameters_j;
+        self.material.parameters_j.lambda = lambda - (1.0 - share) * (lambda - mu).max(0.0);
+        self
     }
 
     /// Whether all numbers are finite.

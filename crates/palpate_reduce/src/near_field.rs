@@ -282,9 +282,9 @@ impl NearFieldBuilder {
             return Err(too_many("near domains", near.len(), field.domain.len()));
         }
         field.domains = near.len();
-        let mut first = 0;
+        let (shares, mut first) = (domains.volume_shares(x), 0);
         for (i, index) in near.into_iter().enumerate() {
-            let domain = domains.get(index);
+            let domain = domains.at_shares(index, &shares);
             let relaxed = relaxed.get(index).copied().unwrap_or_default();
             let stress_j = domain.stress_j(x, v, &relaxed);
             let end = first + domain.nodes.len();
@@ -298,7 +298,7 @@ impl NearFieldBuilder {
                 field.domain_gradient_per_m[at] = b;
             }
             let entries = (first, end - first);
-            field.domain[i] = NearDomain { entries, material: *domain.material, relaxed };
+            field.domain[i] = NearDomain { entries, material: domain.material, relaxed };
             first = end;
         }
         Ok(())

@@ -21,8 +21,11 @@ fn samples(start: DVec3) -> Vec<Sample> {
     (0..800).map(sample).collect()
 }
 
+/// Fills a block with elements.
+type Build = fn(&Block, &Tissue) -> Result<BlockBody, BodyError>;
+
 /// Error of the loop whose local models arrive `delay_ticks` late, on a cube whose top is held in the middle, or touched by a ball.
-fn error(tissue: &Tissue, soft: Option<f64>, is_touched: bool, delay_ticks: usize) -> f64 {
+fn error(build: Build, tissue: &Tissue, soft: Option<f64>, is_touched: bool, delay_ticks: usize) -> f64 {
     let block = Block::new([6, 6, 6], DVec3::splat(0.1)).unwrap().fix(Face::NegZ);
     let node = block.node([3, 3, 5]);
     let block = match soft {
@@ -32,7 +35,7 @@ fn error(tissue: &Tissue, soft: Option<f64>, is_touched: bool, delay_ticks: usiz
         ),
         None => block,
     };
-    let made = block.elements(tissue).unwrap();
+    let made = build(&block, tissue).unwrap();
     let body = Body::new(made.network, made.surface).unwrap();
     let at = body.positions_m()[node];
     let shape = ToolShape::Sphere { radius_m: 0.01 };
@@ -59,7 +62,25 @@ fn loop_follows_a_body_of_elements() {
         for (is_touched, delay, most) in
             [(false, 0, 0.001), (false, 40, 0.002), (true, 0, 0.001), (true, 40, 0.004)]
         {
-            let error = error(&tissue, None, is_touched, delay);
+            let error = error(Block::elements, &tissue, None, is_touched, delay);
+            assert!(error < most, "{law:?} {nu}, touched {is_touched}, {delay} ms late: {error}");
+        }
+    }
+}
+
+#[test]
+fn loop_follows_a_body_of_tetrahedra() {
+    for (law, nu) in [
+        (ElasticLaw::NeoHookean, 0.25),
+        (ElasticLaw::NeoHookean, 0.49),
+        (ElasticLaw::CorotationalLinear, 0.45),
+    ] {
+        let tissue = Tissue { poissons_ratio: nu, law, ..Tissue::default() };
+        for (is_touched, delay, most) in
+            [(false, 0, 0.001), (false, 40, 0.002), (true, 0, 0.002), (true, 40, 0.005)]
+        {
+            let error = error(Block::tetrahedra, &tissue, None, is_touched, delay);
+            println!("{law:?} {nu}, touched {is_touched}, {delay} ms late: {error}");
             assert!(error < most, "{law:?} {nu}, touched {is_touched}, {delay} ms late: {error}");
         }
     }
@@ -68,7 +89,7 @@ fn loop_follows_a_body_of_elements() {
 #[test]
 fn loop_follows_a_body_whose_lower_half_is_soft() {
     for share in [0.3, 0.1] {
-        let error = error(&Tissue::default(), Some(share), false, 0);
+        let error = error(Block::elements, &Tissue::default(), Some(share), false, 0);
         assert!(error < 0.015, "{share}: {error}");
     }
 }
@@ -79,8 +100,13 @@ fn loop_relaxes_as_the_body() {
         Relaxation::new(&[PronyTerm { share: 0.3, time_s: 0.05 }, PronyTerm { share: 0.2, time_s: 0.4 }]);
     let tissue = Tissue { relaxation: relaxation.unwrap(), ..Tissue::default() };
     // Beyond the nodes under the tool no stress relaxes between two model steps, which are as far apart as the shorter time.
-    for (is_touched, most) in [(false, 0.015), (true, 0.02)] {
-        let error = error(&tissue, None, is_touched, 0);
+    for (build, is_touched, most) in [
+        (Block::elements as Build, false, 0.015),
+        (Block::elements, true, 0.02),
+        (Block::tetrahedra, false, 0.015),
+        (Block::tetrahedra, true, 0.02),
+    ] {
+        let error = error(build, &tissue, None, is_touched, 0);
         assert!(error < most, "touched {is_touched}: {error}");
     }
 }

@@ -21,10 +21,10 @@ impl Network {
     }
 
     /// Materials of the elements that have an entry in the list of relaxed stress.
-    pub(crate) fn relaxing_materials(&self) -> impl Iterator<Item = &ElementMaterial> {
+    pub(crate) fn relaxing_materials(&self) -> impl Iterator<Item = ElementMaterial> + '_ {
         let domains = self.tetrahedra.domains();
-        let of_domains = domains.iter().take(domains.of_nodes()).map(|domain| &domain.material.material);
-        self.hexahedra.iter().map(|element| element.material).chain(of_domains)
+        let of_domains = domains.iter().take(domains.of_nodes()).map(|domain| domain.material.material);
+        self.hexahedra.iter().map(|element| *element.material).chain(of_domains)
     }
 
     /// The parts of hexahedra and of smoothed domains in the list of relaxed stress.

@@ -25,7 +25,7 @@ fn domains() -> impl Iterator<Item = DomainMaterial> {
         [
             DomainMaterial::of_node(material),
             DomainMaterial::of_tetrahedron(material),
-            DomainMaterial { material, gradient_j: 1e-3 },
+            DomainMaterial { material, gradient_j: 1e-3, ..DomainMaterial::default() },
         ]
     })
 }
@@ -142,6 +142,11 @@ fn domains_of_a_node_and_of_its_tetrahedra_balance() {
     assert!((of_tetrahedron.gradient_j / expected - 1.0).abs() < 1e-12);
     assert!(!of_node.material.is_damped() && !of_tetrahedron.material.is_elastic());
     assert!(of_node.is_finite() && !DomainMaterial { gradient_j: f64::NAN, ..of_node }.is_finite());
+    let mu = material.parameters_j.mu;
+    assert_eq!(of_node.with_volume_share(0.0).material.parameters_j, LameParameters { mu, lambda: mu });
+    assert_eq!(of_tetrahedron.with_volume_share(0.0), of_tetrahedron);
+    assert_eq!(of_node.with_volume_share(1.0), of_node);
+    assert_eq!([-1.0, 0.0, 0.05, 0.1, 2.0].map(DomainMaterial::volume_share), [0.0, 0.0, 0.5, 1.0, 1.0]);
     let mut relaxed = RelaxedStress::default();
     let stretched = DMat3::from_diagonal(DVec3::new(1.1, 1.0, 1.0));
     assert!(of_node.relax(&stretched, &mut relaxed, 10.0) > 0.05 && relaxed[0][0] > 0.0);

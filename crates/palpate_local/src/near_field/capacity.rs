@@ -7,7 +7,7 @@ pub struct NearFieldCapacity {
     pub nodes: usize,
     /// Maximum number p of columns of the far field's basis V.
     pub order: usize,
-    /// Maximum number of ring nodes: nodes outside S that share a near spring, tetrahedron or element with S.
+    /// Maximum number of ring nodes: nodes outside S that share a near spring, tetrahedron, element or domain with S.
     pub ring: usize,
     /// Maximum number of near springs. The maximum number of near tetrahedra is twice that.
     pub springs: usize,
@@ -15,7 +15,7 @@ pub struct NearFieldCapacity {
     pub hexahedra: usize,
     /// Maximum number of near smoothed domains of tetrahedra.
     pub domains: usize,
-    /// Maximum number of nodes of near smoothed domains, each counted once in each of its domains.
+    /// Maximum number of the nodes of near domains, each counted once in each of its domains.
     pub domain_nodes: usize,
     /// Maximum number of surface points.
     pub points: usize,
