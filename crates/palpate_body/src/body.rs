@@ -16,6 +16,7 @@ mod sleep;
 mod stability;
 mod step;
 mod step_report;
+mod stress;
 mod substep;
 mod substep_motion;
 mod surface_tree;

@@ -2,7 +2,7 @@
 
 use crate::incidence::Incidence;
 use glam::{DMat3, DQuat, DVec3};
-use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape, RelaxedStress};
+use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape, RelaxedStress, StressState};
 
 /// Eight-node hexahedra; see [`HexahedronShape`]. Equal shapes are stored once.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -12,6 +12,8 @@ pub struct Hexahedra {
     shape: Vec<u32>,
     shapes: Vec<HexahedronShape>,
     materials: Vec<ElementMaterial>,
+    /// Volume of each that is filled, m³.
+    filled_m3: Vec<f64>,
     /// Elements of each node.
     incidence: Incidence,
     /// Pairs of nodes on the edges of the elements.
@@ -27,14 +29,22 @@ pub struct Hexahedron<'a> {
     pub shape: &'a HexahedronShape,
     /// Material.
     pub material: &'a ElementMaterial,
+    /// Volume that is filled with the material, m³.
+    pub filled_m3: f64,
 }
 
 /// Number of the shapes last added with which a new one is compared.
 const COMPARED_SHAPES: usize = 8;
 
 impl Hexahedra {
-    /// Adds an element.
-    pub(crate) fn push(&mut self, nodes: [usize; 8], shape: &HexahedronShape, material: ElementMaterial) {
+    /// Adds an element, of which the share `fill` is filled.
+    pub(crate) fn push(
+        &mut self,
+        nodes: [usize; 8],
+        shape: &HexahedronShape,
+        material: ElementMaterial,
+        fill: f64,
+    ) {
         let first = self.shapes.len().saturating_sub(COMPARED_SHAPES);
         let equal = self.shapes[first..].iter().position(|other| other.is_nearly(shape));
         let index = equal.map_or(self.shapes.len(), |at| first + at);
@@ -44,6 +54,7 @@ impl Hexahedra {
         self.nodes.push(nodes.map(|node| node as u32));
         self.shape.push(index as u32);
         self.materials.push(material);
+        self.filled_m3.push(fill * shape.volume_m3());
     }
 
     /// Lists the elements of each of `nodes` nodes.
@@ -101,6 +112,7 @@ impl Hexahedra {
             nodes: self.nodes[index].map(|node| node as usize),
             shape: &self.shapes[self.shape[index] as usize],
             material: &self.materials[index],
+            filled_m3: self.filled_m3[index],
         }
     }
 
@@ -162,6 +174,13 @@ impl Hexahedra {
         let is_inverted =
             |of: Hexahedron<'_>| of.shape.deformation_gradient(&of.corners(x)).determinant() <= 0.0;
         (0..self.len()).filter(move |&index| is_inverted(self.get(index)))
+    }
+
+    /// Stress and strain of the element at `index`, from its mean deformation gradient.
+    pub(crate) fn stress_state(&self, index: usize, x: &[DVec3], relaxed: &[RelaxedStress]) -> StressState {
+        let element = self.get(index);
+        let f = element.shape.deformation_gradient(&element.corners(x));
+        element.material.stress_state(&f, relaxed_of(relaxed, index), element.filled_m3)
     }
 
     /// Elastic energy of all elements, J.

@@ -173,7 +173,7 @@ pub use obstacle::{
 };
 pub use optimization::is_optimized;
 pub use palpate_laws::{
-    ElasticLaw, PronyTerm, Relaxation, RelaxedStress, ToolShape, VirtualCoupling, VolumeBarrier,
+    ElasticLaw, PronyTerm, Relaxation, RelaxedStress, StressState, ToolShape, VirtualCoupling, VolumeBarrier,
 };
 pub use region::Region;
 pub use skin::Skin;

@@ -3,7 +3,7 @@
 use crate::incidence::Incidence;
 use glam::{DMat3, DQuat, DVec3};
 use palpate_laws::{
-    DomainMaterial, RelaxedStress, StressTangent, domain_gradient, stress_block, stress_change,
+    DomainMaterial, RelaxedStress, StressState, StressTangent, domain_gradient, stress_block, stress_change,
 };
 
 /// Smoothed domains; see [`DomainMaterial`]. First those of the nodes, whose stress may relax, then those of the tetrahedra.
@@ -16,6 +16,8 @@ pub struct SmoothedDomains {
     materials: Vec<DomainMaterial>,
     /// Node of each of the domains of nodes.
     centers: Vec<u32>,
+    /// Volume of each of the domains of nodes, m³.
+    volumes_m3: Vec<f64>,
     /// Domains of each node.
     incidence: Incidence,
 }
@@ -56,14 +58,15 @@ impl SmoothedDomains {
         self.materials.push(material);
     }
 
-    /// Adds the domain of the node `center`. Those of nodes come before those of tetrahedra.
+    /// Adds the domain of the node `center`, of `volume_m3`. Those of nodes come before those of tetrahedra.
     pub(crate) fn push_of_node(
         &mut self,
-        center: usize,
+        (center, volume_m3): (usize, f64),
         nodes: impl Iterator<Item = (u32, DVec3)>,
         material: DomainMaterial,
     ) {
         self.centers.push(center as u32);
+        self.volumes_m3.push(volume_m3);
         self.push(nodes, material);
     }
 
@@ -213,6 +216,22 @@ impl SmoothedDomains {
             -(domain.stress_j(x, v, relaxed_of(relaxed, index)) * b)
         };
         self.incident(node).iter().map(of).sum()
+    }
+
+    /// Of each domain of a node: the node, the volume, m³, and stress and strain.
+    pub(crate) fn stress_states(
+        &self,
+        x: &[DVec3],
+        relaxed: &[RelaxedStress],
+    ) -> impl Iterator<Item = (usize, f64, StressState)> {
+        let shares = self.volume_shares(x);
+        (0..self.of_nodes()).map(move |index| {
+            let domain = self.at_shares(index, &shares);
+            let volume_m3 = self.volumes_m3[index];
+            let material = domain.material.material;
+            let state = material.stress_state(&domain.gradient(x), relaxed_of(relaxed, index), volume_m3);
+            (self.centers[index] as usize, volume_m3, state)
+        })
     }
 
     /// Energy of all domains, J.

@@ -104,7 +104,7 @@ impl Tetrahedra {
                 let gradients =
                     of_nodes.map(|of| (of[0].0, of.iter().map(|(_, b)| *b).sum::<DVec3>() / volume_m3));
                 let material = ElementMaterial { parameters_j, ..materials[alike[0]] };
-                domains.push_of_node(node, gradients, DomainMaterial::of_node(material));
+                domains.push_of_node((node, volume_m3), gradients, DomainMaterial::of_node(material));
             }
         }
         for ((nodes, (_, gradients)), material) in self.nodes.iter().zip(shapes).zip(materials) {

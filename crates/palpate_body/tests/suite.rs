@@ -22,6 +22,7 @@ mod physics;
 mod random_obstacles;
 mod rest;
 mod rigid_obstacles;
+mod stress;
 mod tetrahedra;
 mod tetrahedral_mesh;
 mod ties;

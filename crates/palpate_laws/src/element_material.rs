@@ -1,7 +1,7 @@
 //! The material of an element, and its stress at a deformation gradient.
 
 use crate::elastic_law::{inner, outer, stretch2_bound};
-use crate::{ElasticLaw, LameParameters, Relaxation, RelaxedStress, StressTangent};
+use crate::{ElasticLaw, LameParameters, Relaxation, RelaxedStress, StressState, StressTangent};
 use glam::{DMat3, DVec3};
 
 /// The material of an element: its law, and the parameters times the element's volume.
@@ -53,6 +53,12 @@ impl ElementMaterial {
     #[inline]
     pub fn relaxed_mu_j(&self) -> f64 {
         self.parameters_j.mu * (1.0 - self.relaxation.share())
+    }
+
+    /// Stress and strain at the deformation gradient `f`, of a material in the volume `volume_m3`, without the damper.
+    #[must_use]
+    pub fn stress_state(&self, f: &DMat3, relaxed: &RelaxedStress, volume_m3: f64) -> StressState {
+        StressState::new(f, &(self.elastic_stress_j(f, relaxed) * volume_m3.recip()))
     }
 
     /// First Piola stress of the law less its relaxed part, times the volume, J.

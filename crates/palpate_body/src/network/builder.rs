@@ -179,7 +179,7 @@ impl NetworkBuilder {
             self.mass_kg[node] += eighth_kg;
             self.drag_ns_per_m[node] += tissue.drag_ns_per_m(eighth_kg);
         }
-        self.hexahedra.push(nodes, &shape, tissue.element_material(volume_m3, fill)?);
+        self.hexahedra.push(nodes, &shape, tissue.element_material(volume_m3, fill)?, fill);
         Ok(())
     }
 
