@@ -75,11 +75,13 @@ fn flat_elements_are_left_out_at_the_boundary_and_rejected_inside() {
     let with_flat = [elements.clone(), vec![[top[0], top[1], top[4], top[3]]]].concat();
     let mesh = TetrahedralMesh::new(vertices.clone(), &with_flat, &[]).unwrap();
     assert_eq!((mesh.report().flat, mesh.boundary().len()), (1, clean.boundary().len()));
-    // The inner node in the plane of a face that is opposite to it.
-    let inner = vertices.iter().position(|x| x.distance(DVec3::splat(0.01)) < 1e-9).unwrap();
-    let opposite = elements.iter().find(|nodes| nodes.contains(&inner)).unwrap();
-    let others: Vec<usize> = opposite.iter().copied().filter(|node| *node != inner).collect();
-    vertices[inner] = others.iter().map(|node| vertices[*node]).sum::<DVec3>() / 3.0;
+    // An element whose corners are all inside, with one of them in the plane of the others.
+    (vertices, elements) = block([3, 3, 3]);
+    let is_inside = |node: &usize| {
+        vertices[*node].cmpgt(DVec3::splat(0.001)).all() && vertices[*node].cmplt(DVec3::splat(0.029)).all()
+    };
+    let [a, b, c, d] = *elements.iter().find(|nodes| nodes.iter().all(is_inside)).unwrap();
+    vertices[a] = (vertices[b] + vertices[c] + vertices[d]) / 3.0;
     let error = TetrahedralMesh::new(vertices.clone(), &elements, &[]).unwrap_err();
     assert!(matches!(error, TetrahedralMeshError::Flat { .. }), "{error}");
     elements.truncate(1);
@@ -95,7 +97,7 @@ fn slivers_overlaps_parts_and_edges_are_reported() {
     sliver[3] = DVec3::new(0.003, 0.003, 2e-5);
     let report = *TetrahedralMesh::new(sliver, &[[0, 1, 2, 3]], &[]).unwrap().report();
     assert!(report.slivers == 1 && report.min_quality < 0.1 && !report.is_clean(), "{report:?}");
-    let regular = [DVec3::ONE, DVec3::new(1.0, -1.0, -1.0), DVec3::new(-1.0, 1.0, -1.0)];
+    let regular = [DVec3::ONE, DVec3::new(-1.0, 1.0, -1.0), DVec3::new(1.0, -1.0, -1.0)];
     let regular = [regular.to_vec(), vec![DVec3::new(-1.0, -1.0, 1.0)]].concat();
     let report = *TetrahedralMesh::new(regular, &[[0, 1, 2, 3]], &[]).unwrap().report();
     assert!((report.min_quality - 1.0).abs() < 1e-12 && report.is_clean(), "{report:?}");

@@ -2,8 +2,17 @@
 
 use super::*;
 
-const CAPACITY: NearFieldCapacity =
-    NearFieldCapacity { nodes: 3, order: 2, ring: 2, springs: 3, hexahedra: 2, points: 3, triangles: 1 };
+const CAPACITY: NearFieldCapacity = NearFieldCapacity {
+    nodes: 3,
+    order: 2,
+    ring: 2,
+    springs: 3,
+    hexahedra: 2,
+    domains: 0,
+    domain_nodes: 0,
+    points: 3,
+    triangles: 1,
+};
 
 /// A near field with one triangle and three springs.
 fn triangle() -> NearField {
