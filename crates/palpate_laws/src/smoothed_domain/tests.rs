@@ -25,7 +25,7 @@ fn domains() -> impl Iterator<Item = DomainMaterial> {
         [
             DomainMaterial::of_node(material),
             DomainMaterial::of_tetrahedron(material),
-            DomainMaterial { material, gradient_j: 1e-3, ..DomainMaterial::default() },
+            DomainMaterial { material, gradient_j: 1e-3 },
         ]
     })
 }
