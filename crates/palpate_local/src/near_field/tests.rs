@@ -8,8 +8,8 @@ const CAPACITY: NearFieldCapacity = NearFieldCapacity {
     ring: 2,
     springs: 3,
     hexahedra: 2,
-    domains: 0,
-    domain_nodes: 0,
+    domains: 2,
+    domain_nodes: 6,
     points: 3,
     triangles: 1,
 };
@@ -57,7 +57,7 @@ fn validate_rejects_invalid_masses_supports_tools_and_friction() {
 fn validate_rejects_non_finite_numbers_in_use() {
     assert_eq!(triangle().validate(), Ok(()));
     type Corrupt = fn(&mut NearField);
-    let cases: [(&str, Corrupt); 13] = [
+    let cases: [(&str, Corrupt); 15] = [
         ("weights", |f| f.weight[2] = f64::NAN),
         ("inverse masses", |f| f.node_per_kg[0] = f64::INFINITY),
         ("basis", |f| f.basis[5] = f64::NAN),
@@ -72,6 +72,11 @@ fn validate_rejects_non_finite_numbers_in_use() {
         ("materials of near hexahedra", |f| {
             (f.hexahedra, f.shapes) = (1, 1);
             f.hexahedron[0].material.parameters_j.mu = f64::NAN;
+        }),
+        ("materials of near domains", |f| (f.domains, f.domain[0].material.gradient_j) = (1, f64::NAN)),
+        ("gradients of near domains", |f| {
+            (f.domains, f.domain[0].entries) = (1, (0, 2));
+            f.domain_gradient_per_m[1].z = f64::NAN;
         }),
         ("tick", |f| f.tick_s = 0.0),
     ];
@@ -90,7 +95,7 @@ fn validate_rejects_non_finite_numbers_in_use() {
 #[test]
 fn validate_rejects_wrong_sizes_and_indices() {
     type Corrupt = fn(&mut NearField);
-    let cases: [Corrupt; 17] = [
+    let cases: [Corrupt; 21] = [
         |f| f.nodes = usize::MAX,
         |f| f.order = 3,
         |f| f.ring = 3,
@@ -100,6 +105,8 @@ fn validate_rejects_wrong_sizes_and_indices() {
         |f| f.tetrahedra = 7,
         |f| f.hexahedra = 3,
         |f| f.shapes = 3,
+        |f| f.domains = 3,
+        |f| (f.domains, f.domain[0].entries) = (1, (1, 6)),
         |f| f.near[0].a = 3,
         |f| f.near[0].b = NearEnd::Ring(1),
         |f| f.point[2].nodes[0].0 = 4,
@@ -107,6 +114,8 @@ fn validate_rejects_wrong_sizes_and_indices() {
         |f| (f.tetrahedra, f.tetrahedron[0].nodes) = (1, [0, 1, 2, 4]),
         |f| (f.hexahedra, f.shapes, f.hexahedron[0].nodes[7]) = (1, 1, 4),
         |f| f.hexahedra = 1,
+        |f| (f.domains, f.domain[0].entries, f.domain_node[1]) = (1, (0, 2), 4),
+        |f| (f.domains, f.domain[0].entries) = (2, (0, 5)),
         |f| f.integrator = TickIntegrator::Explicit { substeps: 65 },
     ];
     for (i, corrupt) in cases.into_iter().enumerate() {
@@ -114,8 +123,8 @@ fn validate_rejects_wrong_sizes_and_indices() {
         corrupt(&mut bad);
         let error = bad.validate().unwrap_err();
         match i {
-            0..9 => assert!(matches!(error, LocalModelError::Capacity { .. }), "{error}"),
-            9..16 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
+            0..11 => assert!(matches!(error, LocalModelError::Capacity { .. }), "{error}"),
+            11..20 => assert!(matches!(error, LocalModelError::Index { .. }), "{error}"),
             _ => assert!(matches!(error, LocalModelError::Setting { .. }), "{error}"),
         }
     }
