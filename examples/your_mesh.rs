@@ -1,33 +1,33 @@
-//! This example demonstrates a body from a mesh file: its meshes are joined to one mesh, whose inside becomes the body, and a tool taps
-//! it from above. A mesh that cannot be used is reported with the remedy.
+//! This example demonstrates a body from a file. Meshes are joined to one mesh, whose inside becomes the body; a volume of tetrahedra becomes the
+//! body as it is. A tool taps it from above. A mesh that cannot be used is reported with the remedy.
 
 use bevy::prelude::*;
 use bevy_palpate::prelude::*;
 use bevy_palpate::{
     ForceError, HapticSystems, MeshCellSize, MeshPieces, MeshShape, ModelSchedule, SimulatedBody,
-    TickRecording, ToolCoupling,
+    TetrahedralShape, TetrahedralVolume, TickRecording, ToolCoupling,
 };
 use clap::Parser;
 use glam::DVec2;
 use palpate_files::MeshSelection;
 use palpate_haptics::{Reading, TickRecord};
-use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, register_hand};
+use palpate_stage::{MeshFile, SetUpHands, SetUpScene, Stage, StageOptions, VolumeFile, register_hand};
 use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::PathBuf;
 
-/// A mesh from a file becomes a soft body, which a tool taps from above.
+/// A mesh or a volume of tetrahedra from a file becomes a soft body, which a tool taps from above.
 #[derive(Clone, Debug, Parser, Resource)]
 #[command(
     after_help = "All meshes of the file's scene are joined, with the transforms of their nodes. The body is their inside: where \
-    their winding number exceeds 1/2, which closes holes and unites parts that cross. It is moved to the centre of the stage.\n\nExamples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --size-m 0.1 --cells 14 --youngs-modulus 5000"
+    their winding number exceeds 1/2, which closes holes and unites parts that cross. A file of tetrahedra is the body itself. The body is moved to the centre of the stage.\n\nExamples:\n  your_mesh assets/meshes/organ.glb\n  your_mesh cup.glb --size-m 0.1 --cells 14 --youngs-modulus 5000"
 )]
 struct Options {
     #[command(flatten)]
     stage: StageOptions,
-    /// A .glb, .gltf, .obj, .stl or .ply file
+    /// A .glb, .gltf, .obj, .stl or .ply file, or one of tetrahedra: .msh, .vtk, .vtu, .node or .ele
     file: PathBuf,
-    /// List the primitives of the file, and end
+    /// List the primitives of the file, or the regions of a volume, and end
     #[arg(long)]
     list: bool,
     /// Use only the mesh with this index, from 0
@@ -65,12 +65,18 @@ struct Options {
     youngs_modulus: f64,
 }
 
-/// The mesh of the file, and its centre, m.
+/// The content of the file, and its centre, m.
 #[derive(Resource)]
 struct Shown {
-    mesh: Mesh,
+    content: Content,
     middle_m: DVec3,
     metres_per_unit: f64,
+}
+
+/// Content of a file.
+enum Content {
+    Mesh(Mesh),
+    Volume(TetrahedralVolume),
 }
 
 /// Marks the body that is tapped.
@@ -92,6 +98,24 @@ struct Tap {
 
 fn main() -> AppExit {
     let options = Options::parse();
+    let volume = match VolumeFile::read(&options.file) {
+        Ok(volume) => volume,
+        Err(error) => return failed(error),
+    };
+    if let Some(VolumeFile { volume, bounds, list }) = volume {
+        if options.list {
+            let _ = write!(std::io::stdout(), "{list}");
+            return AppExit::Success;
+        }
+        let Options { mesh, ref node, strict, thickness_m, piece, each_piece, cells, .. } = options;
+        let is_of_meshes = mesh.is_some() || node.is_some() || thickness_m.is_some() || piece.is_some();
+        if is_of_meshes || cells.is_some() || strict || each_piece {
+            return failed(
+                "--mesh, --node, --strict, --thickness-m, --piece, --each-piece and --cells are for meshes; leave them out for a file of tetrahedra",
+            );
+        }
+        return run(options, Content::Volume(volume), bounds, 1);
+    }
     if options.list {
         return match MeshFile::list(&options.file) {
             Ok(list) => {
@@ -102,23 +126,26 @@ fn main() -> AppExit {
         };
     }
     let selection = MeshSelection::new(options.mesh, options.node.as_deref());
-    let MeshFile { mesh, bounds, parts } = match MeshFile::read(&options.file, &selection) {
-        Ok(file) => file,
-        Err(error) => return failed(error),
-    };
+    match MeshFile::read(&options.file, &selection) {
+        Ok(MeshFile { mesh, bounds, parts }) => run(options, Content::Mesh(mesh), bounds, parts),
+        Err(error) => failed(error),
+    }
+}
+
+/// Runs the scene with the content of a file, whose bounds have its unit, and which was joined of `parts`.
+fn run(options: Options, content: Content, bounds: [DVec3; 2], parts: usize) -> AppExit {
     let metres_per_unit =
         options.size_m.map_or(options.scale, |size_m| size_m / (bounds[1] - bounds[0]).max_element());
     let [low_m, high_m] = bounds.map(|corner| metres_per_unit * corner);
     let (middle_m, half_m) = (0.5 * (low_m + high_m), 0.5 * (high_m - low_m));
-    let stage =
-        Stage { name: "your_mesh", title: "A mesh from a file is a soft body", seconds: 3.0, ..default() };
+    let stage = Stage { name: "your_mesh", title: "A file becomes a soft body", seconds: 3.0, ..default() };
     let stage = if half_m.is_finite() { stage.around([-half_m, half_m].map(|m| m.as_vec3())) } else { stage };
     let mut app = stage.app(&options.stage);
     if parts > 1 {
         let _ = writeln!(std::io::stderr(), "{parts} parts of the file are joined to one mesh");
     }
     app.insert_resource(options)
-        .insert_resource(Shown { mesh, middle_m, metres_per_unit })
+        .insert_resource(Shown { content, middle_m, metres_per_unit })
         .init_resource::<Tapped>()
         .add_systems(SetUpScene, set_up)
         .add_systems(SetUpHands, set_up_hand)
@@ -158,26 +185,35 @@ impl Tapped {
 
 fn set_up(
     mut commands: Commands,
-    mut meshes: ResMut<Assets<Mesh>>,
+    (mut meshes, mut volumes): (ResMut<Assets<Mesh>>, ResMut<Assets<TetrahedralVolume>>),
     (shown, options): (Res<Shown>, Res<Options>),
     mut tapped: ResMut<Tapped>,
 ) {
     *tapped = Tapped::default();
+    let mesh = match &shown.content {
+        Content::Mesh(mesh) => meshes.add(mesh.clone()),
+        Content::Volume(volume) => {
+            let volume = volumes.add(volume.clone());
+            let shape = TetrahedralShape { volume, metres_per_unit: shown.metres_per_unit };
+            commands.spawn((body(DeformableBody::Tetrahedra(shape), &shown, &options), TappedBody));
+            return;
+        }
+    };
     let shape = MeshShape {
         metres_per_unit: shown.metres_per_unit,
         cells: options.cells.map_or_else(MeshCellSize::default, MeshCellSize::Along),
         strict: options.strict,
         thickness_m: options.thickness_m,
         pieces: options.piece.map_or(MeshPieces::Largest, MeshPieces::Index),
-        ..MeshShape::new(meshes.add(shown.mesh.clone()))
+        ..MeshShape::new(mesh)
     };
-    commands.spawn((body(shape, &shown, &options), TappedBody));
+    commands.spawn((body(DeformableBody::Mesh(shape), &shown, &options), TappedBody));
 }
 
 /// A body of `shape`.
-fn body(shape: MeshShape, shown: &Shown, options: &Options) -> impl Bundle {
+fn body(shape: DeformableBody, shown: &Shown, options: &Options) -> impl Bundle {
     (
-        DeformableBody::Mesh(shape),
+        shape,
         Tissue { youngs_modulus_pa: options.youngs_modulus, ..default() },
         FixedRegion::Base { side: BoxFace::Bottom, share: BASE },
         Transform::from_translation(-shown.middle_m.as_vec3()),
@@ -194,7 +230,7 @@ fn spawn_other_pieces(
     let Some(report) = simulated.mesh_report().filter(|_| options.each_piece) else { return };
     for index in 1..report.piece_count {
         let shape = MeshShape { pieces: MeshPieces::Index(index), ..shape.clone() };
-        commands.spawn(body(shape, &shown, &options));
+        commands.spawn(body(DeformableBody::Mesh(shape), &shown, &options));
     }
 }
 
@@ -343,6 +379,9 @@ fn report(
         if let Some(assumptions) = report.assumptions {
             writeln!(out, "assumed                  {assumptions}")?;
         }
+    }
+    if let Some(report) = body.tetrahedral_report() {
+        writeln!(out, "volume                   {report}")?;
     }
     writeln!(out, "maximum force, N         {:.3}", tapped.max_n)?;
     for limit in &tapped.limits {

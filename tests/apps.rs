@@ -25,4 +25,5 @@ mod schedule_app;
 mod several_app;
 mod surroundings_app;
 mod testing_app;
+mod tetrahedra_app;
 mod two_bodies_app;

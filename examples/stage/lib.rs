@@ -36,6 +36,7 @@ mod scene;
 pub mod time;
 #[cfg(feature = "window")]
 mod view;
+mod volume_file;
 
 #[cfg(feature = "panel")]
 pub use caption::{Plot, plot_window};
@@ -43,3 +44,4 @@ pub use hand::{HandTime, register_hand};
 pub use mesh_file::{MeshFile, MeshFileError};
 pub use options::{StageOptions, folder};
 pub use scene::{SceneTime, SetUpHands, SetUpScene, Stage, ToolPaint, exit_on_error};
+pub use volume_file::VolumeFile;

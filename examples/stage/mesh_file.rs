@@ -22,7 +22,7 @@ pub struct MeshFile {
 pub struct MeshFileError(String);
 
 impl MeshFileError {
-    fn new(path: &Path, source: &palpate_files::MeshFileError) -> Self {
+    pub(crate) fn new(path: &Path, source: &palpate_files::MeshFileError) -> Self {
         Self(format!("{}: {source}", path.display()))
     }
 }

@@ -16,6 +16,7 @@ mod shape;
 mod simulated;
 mod state;
 mod surface_trees;
+mod tetrahedral_volume;
 mod tissue;
 
 pub use compliance::ContactCompliance;
@@ -27,6 +28,7 @@ pub use shape::{DeformableBody, FixedRegion, KinematicBody, MeshCellSize, MeshPi
 pub use simulated::{MeshReport, SimulatedBody};
 pub use state::{BodyReady, BodyState};
 pub(crate) use surface_trees::SurfaceTrees;
+pub use tetrahedral_volume::{TetrahedralShape, TetrahedralVolume};
 pub use tissue::{Inclusion, Inclusions, Tissue};
 
 use crate::cost::FrameCost;
@@ -43,8 +45,15 @@ pub struct BodyPlugin;
 impl Plugin for BodyPlugin {
     fn build(&self, app: &mut App) {
         add_faults(app);
+        // An app without assets has blocks only.
+        if app.world().contains_resource::<AssetServer>() {
+            app.init_asset::<TetrahedralVolume>();
+        }
         #[cfg(feature = "mesh_files")]
-        crate::mesh_files::add_mesh_file_loader(app);
+        {
+            crate::mesh_files::add_mesh_file_loader(app);
+            crate::volume_files::add_tetrahedral_file_loader(app);
+        }
         let cost = FrameCost::of(app);
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()

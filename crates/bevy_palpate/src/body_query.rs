@@ -1,4 +1,4 @@
-//! Bodies at places of the world: the closest surface point, depth, force and strain.
+//! Bodies at places of the world: the closest surface point, depth, force, strain and stress.
 
 use crate::body::{SimulatedBody, SurfaceTrees};
 use crate::layers::TouchLayers;
@@ -6,9 +6,9 @@ use crate::model_time::ModelStepCount;
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
 use glam::DVec3;
-use palpate_body::Deformation;
+use palpate_body::{Deformation, StressState};
 
-/// Reads bodies at places of the world: the closest point of a surface, the depth below it, the force there, and the strain of the tissue.
+/// Reads bodies at places of the world: the closest point of a surface, the depth below it, the force there, and strain and stress of the tissue.
 ///
 /// Results are those of the last model step; the drawn meshes lag by up to one step. A system in [`ModelSchedule`](crate::ModelSchedule)
 /// belongs into [`HapticSystems::Last`](crate::HapticSystems::Last).
@@ -85,8 +85,17 @@ impl BodyQuery<'_, '_> {
     #[must_use]
     pub fn deformation(&self, body: Entity, place_m: DVec3) -> Option<Deformation> {
         let (_, simulated, _) = self.bodies.get(body).ok()?;
-        let place = simulated.body().cell_at(place_m)?;
-        Some(simulated.body().deformation(place))
+        simulated.body().deformation_at(place_m)
+    }
+
+    /// Returns stress and strain of the tissue of `body` at `place_m`, m, in the present shape: von Mises stress, pressure, principal stresses and strains;
+    /// `None` outside the cells of the body. It computes the stress of the whole body, with about the cost of a substep; for many places use
+    /// [`palpate_body::Body::node_stresses`].
+    #[must_use]
+    pub fn stress(&self, body: Entity, place_m: DVec3) -> Option<StressState> {
+        let (_, simulated, _) = self.bodies.get(body).ok()?;
+        let point = simulated.body().point_within(place_m)?;
+        Some(simulated.body().stress_of(&point))
     }
 
     fn closest_within(&mut self, entity: Entity, place_m: DVec3, within_m: f64) -> Option<BodySurfacePoint> {

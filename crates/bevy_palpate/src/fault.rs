@@ -346,9 +346,12 @@ pub enum MeshFault {
     /// No asset loader reads the file as a mesh.
     #[error(
         "no asset loader reads `{0}` as a mesh; enable the feature `mesh_files` of bevy_palpate, which reads glb, gltf, obj, stl and ply \
-         files, or add a loader of its format"
+         files, and msh, vtk, vtu, node and ele files of tetrahedra, or add a loader of its format"
     )]
     NoLoader(String),
+    /// The volume of tetrahedra is rejected.
+    #[error(transparent)]
+    Tetrahedra(#[from] palpate_body::TetrahedralMeshError),
     /// The mesh consists of lines, points or strips.
     #[error("the topology of the mesh is {0:?}; it must be TriangleList")]
     Topology(PrimitiveTopology),
@@ -363,8 +366,8 @@ pub enum MeshFault {
     /// The mesh is in the memory of the graphics card only.
     #[error("the mesh is no longer in main memory; load it with RenderAssetUsages::MAIN_WORLD")]
     NotInMemory,
-    /// [`MeshShape::metres_per_unit`](crate::MeshShape::metres_per_unit) is out of range.
-    #[error("MeshShape::metres_per_unit is {0}; it must be finite and above 0")]
+    /// `metres_per_unit` of [`MeshShape`](crate::MeshShape) or [`TetrahedralShape`](crate::TetrahedralShape) is out of range.
+    #[error("metres_per_unit is {0}; it must be finite and above 0")]
     Scale(f64),
 }
 

@@ -120,6 +120,8 @@ mod surroundings;
 mod suture;
 pub mod testing;
 mod tool;
+#[cfg(feature = "mesh_files")]
+mod volume_files;
 
 pub use palpate_body;
 #[cfg(feature = "mesh_files")]
@@ -135,7 +137,7 @@ pub use avian::{AvianPlugin, NotAnObstacle};
 pub use body::{
     BodyPlugin, BodyReady, BodyRegion, BodyState, BoxFace, ContactCompliance, DeformableBody, ElementFamily,
     FixedRegion, Inclusion, Inclusions, KinematicBody, MeshCellSize, MeshPieces, MeshReport, MeshShape,
-    SimulatedBody, Slit, Tissue,
+    SimulatedBody, Slit, TetrahedralShape, TetrahedralVolume, Tissue,
 };
 pub use body_query::{BodyQuery, BodySurfacePoint};
 pub use device::{
@@ -167,6 +169,8 @@ pub use tool::{
     HapticTool, LocalModelStats, LoopTiming, SafetyOverrides, TickRecording, ToolContactPoint, ToolCoupling,
     ToolForce, ToolGrasp, ToolLoop, ToolPlugin, ToolSettings, TouchedBody,
 };
+#[cfg(feature = "mesh_files")]
+pub use volume_files::{TetrahedralFileLoadError, TetrahedralFileLoader, volume_of};
 
 #[cfg(doctest)]
 #[doc = include_str!("../README.md")]

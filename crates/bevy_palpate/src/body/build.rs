@@ -70,7 +70,15 @@ impl BodyQueryItem<'_, '_> {
     /// The mesh to build from, and its comparison with the current asset. Reuses the closed mesh of the simulated body if the asset has
     /// not changed or was rejected.
     fn source(&self, meshes: &Meshes) -> Result<(Option<Source>, SourceMesh), NotReady> {
-        let Some(shape) = self.shape.mesh() else { return Ok((None, SourceMesh::Same)) };
+        let shape = match &*self.shape {
+            DeformableBody::Block { .. } => return Ok((None, SourceMesh::Same)),
+            DeformableBody::Tetrahedra(shape) => {
+                let read = meshes.volume(shape);
+                let read = read.map_err(|error| NotReady::Rejected(HapticFaultKind::Mesh(error)))?;
+                return read.map(|read| (Some(read), SourceMesh::Same)).ok_or(NotReady::MeshLoading);
+            }
+            DeformableBody::Mesh(shape) => shape,
+        };
         let has_source =
             |old: &&Mut<SimulatedBody>| old.source != SourceMesh::Changed && old.built_shape == *self.shape;
         if let Some(old) = self.simulated.as_ref().filter(has_source)
@@ -146,7 +154,7 @@ pub(super) fn build_bodies(
             continue;
         }
         if let Some(BodyBuild::Running(build)) = body.build.as_deref_mut()
-            && body.shape.mesh().is_some()
+            && body.shape.has_source()
         {
             build.is_outdated = true;
             if is_new_mesh {

@@ -1,17 +1,18 @@
 //! Builds a body from its components: plain computation without access to the app, so that a background task can run it.
 
 use super::element_family::ElementFamily;
-use super::mesh_source::Source;
-use super::region::BoxFace;
+use super::mesh_source::{CheckedSource, Source};
+use super::region::{BodyRegion, BoxFace};
 use super::shape::{DeformableBody, FixedRegion, Slit};
 use super::simulated::MeshReport;
+use super::tetrahedral_volume::TetrahedralVolume;
 use super::tissue::{Inclusion, Tissue};
 use crate::fault::HapticFaultKind;
 use bevy::prelude::*;
 use glam::{DQuat, DVec3};
 use palpate_body::{
     Block, Body, BodyError, CellLattice, ClosedMesh, Face, ImplausibleSize, JoinedMesh, MeshBody, Region,
-    SemiImplicitEuler, Skin,
+    SemiImplicitEuler, Skin, TetrahedralMesh, TetrahedralReport,
 };
 use palpate_reduce::{BuilderOptions, LocalModelBuilder, ReduceError};
 use std::sync::Arc;
@@ -36,6 +37,8 @@ pub(super) struct BuildOutput {
     pub(super) skin: Option<Skin>,
     pub(super) closed: Option<Arc<JoinedMesh>>,
     pub(super) report: Option<MeshReport>,
+    /// Of a volume of tetrahedra: repairs and problems.
+    pub(super) tetrahedral_report: Option<TetrahedralReport>,
 }
 
 /// Reason why a build failed.
@@ -68,24 +71,34 @@ impl BuildInput {
             ReduceError::Body(error) => HapticFaultKind::BuildBody(error),
             error => HapticFaultKind::LocalModel(error),
         };
-        let closed = match source.map(Source::close).transpose() {
-            Ok(closed) => closed,
-            Err(error) => return Err(BuildError { kind: kind(error.into()), is_mesh_error: true }),
+        let checked = match source.map(Source::check).transpose() {
+            Ok(checked) => checked,
+            Err(kind) => return Err(BuildError { kind, is_mesh_error: true }),
         };
         let build = || -> Result<BuildOutput, ReduceError> {
-            let (body, skin, report) = match (&self.shape, &closed) {
-                (DeformableBody::Mesh(_), Some(closed)) => {
-                    let (body, skin, report) = self.mesh(closed)?;
-                    (body, Some(skin), Some(report))
+            let (mut skin, mut report, mut tetrahedral_report) = (None, None, None);
+            let body = match (&self.shape, &checked) {
+                (DeformableBody::Block { nodes, size_m }, _) => self.block(*nodes, *size_m)?,
+                (DeformableBody::Mesh(_), Some(CheckedSource::Mesh(closed))) => {
+                    let (body, of_mesh, found) = self.mesh(closed)?;
+                    (skin, report) = (Some(of_mesh), Some(found));
+                    body
                 }
-                (DeformableBody::Block { nodes, size_m }, _) => (self.block(*nodes, *size_m)?, None, None),
-                // A mesh shape always comes with a source.
-                (DeformableBody::Mesh(_), None) => return Err(BodyError::NoNodes.into()),
+                (DeformableBody::Tetrahedra(_), Some(CheckedSource::Volume { volume, mesh })) => {
+                    tetrahedral_report = Some(*mesh.report());
+                    self.tetrahedra(volume, mesh)?
+                }
+                // Shapes of assets always come with their source.
+                _ => return Err(BodyError::NoNodes.into()),
+            };
+            let closed = match &checked {
+                Some(CheckedSource::Mesh(closed)) => Some(Arc::clone(closed)),
+                _ => None,
             };
             // Rejects a body that cannot be stepped here instead of at its first step.
             SemiImplicitEuler::default().substeps(&body)?;
             let builder = LocalModelBuilder::new(&body, BuilderOptions::of(&body))?;
-            Ok(BuildOutput { body, builder, skin, closed, report })
+            Ok(BuildOutput { body, builder, skin, closed, report, tetrahedral_report })
         };
         build().map_err(|error| BuildError { kind: kind(error), is_mesh_error: false })
     }
@@ -151,6 +164,85 @@ impl BuildInput {
         };
         let built = built.placed(self.rotation, self.translation_m)?;
         Body::new(built.network, built.surface)
+    }
+
+    fn tetrahedra(&self, volume: &TetrahedralVolume, mesh: &TetrahedralMesh) -> Result<Body, BodyError> {
+        if let Some(slit) = self.slit {
+            let (what, allowed) = ("length of a slit in a volume, m", "absent: only a block can have a Slit");
+            return Err(BodyError::Parameter { what, value: slit.length_m, allowed });
+        }
+        let (found, max) = (mesh.vertices_m().len(), CellLattice::MAX_NODES);
+        if found > max {
+            let (what, allowed) = (
+                "number of nodes of a volume",
+                "at most 10000, the most that can be stepped in time: remesh it coarser",
+            );
+            return Err(BodyError::Parameter { what, value: found as f64, allowed });
+        }
+        let part = |index: usize| {
+            let (what, allowed) = ("index in BodyRegion::Part", "below the number of regions of the volume");
+            let is_valid = index < volume.region_count();
+            if is_valid {
+                Ok(index)
+            } else {
+                Err(BodyError::Parameter { what, value: index as f64, allowed })
+            }
+        };
+        // The region of an element of `mesh` is its index in the volume.
+        let elements = || mesh.elements().iter().zip(mesh.regions());
+        let mut made = mesh.clone();
+        for &Inclusion { region, tissue } in &self.inclusions {
+            let mut is_empty = true;
+            let region = match region {
+                BodyRegion::Part(index) => Err(part(index)?),
+                region => Ok(region.of(&[])?),
+            };
+            for (nodes, index) in elements() {
+                let middle_m = nodes.iter().map(|node| mesh.vertices_m()[*node]).sum::<DVec3>() / 4.0;
+                let is_inside = match &region {
+                    Ok(region) => region.contains(middle_m),
+                    Err(part) => volume.region_of(*index) == *part,
+                };
+                if is_inside {
+                    made = made.region(*index, tissue.into());
+                    is_empty = false;
+                }
+            }
+            if is_empty {
+                let (what, allowed) = ("number of elements in an inclusion", "at least 1");
+                return Err(BodyError::Parameter { what, value: 0.0, allowed });
+            }
+        }
+        for &face in self.fixed.faces() {
+            made = made.fix_face(face.into(), 0.0);
+        }
+        for &region in self.fixed.regions() {
+            if let BodyRegion::Part(index) = region {
+                let index = part(index)?;
+                for (_, element) in elements().filter(|(_, element)| volume.region_of(**element) == index) {
+                    made = made.fix_region(*element);
+                }
+            } else {
+                made = made.fix_within(&region.of(&[])?);
+            }
+        }
+        if let Some((side, share)) = base(&self.fixed)? {
+            made = made.fix_face(side.into(), share);
+        }
+        if let FixedRegion::Vertices(vertices) = &self.fixed {
+            if vertices.len() != volume.vertices.len() {
+                let (what, allowed) =
+                    ("length of FixedRegion::Vertices", "the number of vertices of the volume");
+                return Err(BodyError::Parameter { what, value: vertices.len() as f64, allowed });
+            }
+            let fixed = vertices.iter().enumerate().filter(|(_, is_fixed)| **is_fixed);
+            made = made.fix_vertices(fixed.map(|(vertex, _)| vertex));
+        }
+        if self.fixed.is_none() {
+            made = made.allow_unconstrained();
+        }
+        let built = made.build(&self.tissue.into())?;
+        Body::new(built.network.placed(self.rotation, self.translation_m)?, built.surface)
     }
 
     fn mesh(&self, joined: &JoinedMesh) -> Result<(Body, Skin, MeshReport), BodyError> {

@@ -52,6 +52,7 @@ pub(super) fn install(
         skin: output.skin,
         closed: output.closed,
         report: output.report,
+        tetrahedral_report: output.tetrahedral_report,
         source,
         drawn: RenderMesh::default(),
         sutures: Vec::new(),
@@ -119,6 +120,14 @@ fn report_shape(faults: &mut FaultWriter, entity: Entity, body: &SimulatedBody) 
         && let Some(size) = ImplausibleSize::of(size_m.max_element())
     {
         warn!("{entity}: {size}; change size_m of DeformableBody::Block");
+    }
+    if let Some(report) = body.tetrahedral_report {
+        if let Some(size) = ImplausibleSize::of(body.longest_side_m()) {
+            warn!("{entity}: {size}; change TetrahedralShape::metres_per_unit");
+        }
+        if !report.is_clean() {
+            warn!("{entity}: {report}");
+        }
     }
     let Some(report) = body.report else { return };
     let MeshReport {

@@ -1,18 +1,27 @@
-//! Conversion of Bevy's meshes to closed meshes.
+//! Conversion of assets to closed meshes and checked volumes.
 
 use super::shape::MeshShape;
-use crate::fault::MeshFault;
+use super::tetrahedral_volume::{TetrahedralShape, TetrahedralVolume};
+use crate::fault::{HapticFaultKind, MeshFault};
 use bevy::mesh::{Indices, Mesh, MeshAccessError, PrimitiveTopology, VertexAttributeValues};
 use glam::DVec3;
-use palpate_body::{BodyError, JoinOptions, JoinedMesh, MeshClosing, MeshPart};
+use palpate_body::{JoinOptions, JoinedMesh, MeshClosing, MeshPart, TetrahedralMesh};
 use std::sync::Arc;
 
-/// The mesh from which a body is built.
+/// The mesh or the volume from which a body is built.
 pub(super) enum Source {
     /// Data of mesh assets, and how they are joined.
     Raw { parts: Vec<MeshPart>, options: JoinOptions },
     /// A mesh that has been closed before.
     Closed(Arc<JoinedMesh>),
+    /// Data of a volume asset, and the length of its unit, m.
+    Volume { volume: TetrahedralVolume, metres_per_unit: f64 },
+}
+
+/// A source that has been checked.
+pub(super) enum CheckedSource {
+    Mesh(Arc<JoinedMesh>),
+    Volume { volume: TetrahedralVolume, mesh: Box<TetrahedralMesh> },
 }
 
 impl Source {
@@ -33,11 +42,28 @@ impl Source {
         }
     }
 
-    /// Converts the data to a closed mesh.
-    pub(super) fn close(self) -> Result<Arc<JoinedMesh>, BodyError> {
+    /// The data of a volume.
+    pub(super) fn volume(volume: &TetrahedralVolume, shape: &TetrahedralShape) -> Result<Self, MeshFault> {
+        let metres_per_unit = shape.metres_per_unit;
+        if metres_per_unit.is_finite() && metres_per_unit > 0.0 {
+            Ok(Self::Volume { volume: volume.clone(), metres_per_unit })
+        } else {
+            Err(MeshFault::Scale(metres_per_unit))
+        }
+    }
+
+    /// Converts the data to a closed mesh, or checks the volume.
+    pub(super) fn check(self) -> Result<CheckedSource, HapticFaultKind> {
         match self {
-            Self::Closed(mesh) => Ok(mesh),
-            Self::Raw { parts, options } => Ok(Arc::new(JoinedMesh::new(&parts, options)?)),
+            Self::Closed(mesh) => Ok(CheckedSource::Mesh(mesh)),
+            Self::Raw { parts, options } => match JoinedMesh::new(&parts, options) {
+                Ok(mesh) => Ok(CheckedSource::Mesh(Arc::new(mesh))),
+                Err(error) => Err(HapticFaultKind::BuildBody(error.into())),
+            },
+            Self::Volume { volume, metres_per_unit } => match volume.checked(metres_per_unit) {
+                Ok(mesh) => Ok(CheckedSource::Volume { volume, mesh: Box::new(mesh) }),
+                Err(error) => Err(HapticFaultKind::Mesh(MeshFault::Tetrahedra(error))),
+            },
         }
     }
 }

@@ -49,7 +49,8 @@ pub enum BodyRegion {
         /// Radius of the capsule, m.
         radius_m: f64,
     },
-    /// A part of a mesh, as an index of [`MeshShape::parts`](crate::MeshShape::parts), which defines its region.
+    /// A part of a mesh, as an index of [`MeshShape::parts`](crate::MeshShape::parts), which defines its region; of a volume of tetrahedra its
+    /// region with this index.
     Part(usize),
     /// The points on one side of a plane.
     HalfSpace {

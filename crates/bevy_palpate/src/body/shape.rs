@@ -3,12 +3,13 @@
 use super::element_family::ElementFamily;
 use super::region::{BodyRegion, BoxFace};
 use super::state::BodyState;
+use super::tetrahedral_volume::{TetrahedralShape, TetrahedralVolume};
 use super::tissue::Tissue;
 use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{CellSize, PieceSelection};
 
-/// A deformable body that tools can touch: a block, or the inside of a mesh. Requires [`Tissue`], [`ElementFamily`],
+/// A deformable body that tools can touch: a block, the inside of a mesh, or a volume of tetrahedra. Requires [`Tissue`], [`ElementFamily`],
 /// [`FixedRegion`], [`BodyState`] and [`Transform`].
 ///
 /// The body is built at the pose of its transform, in the size given here. A scaled transform is rejected
@@ -37,6 +38,8 @@ pub enum DeformableBody {
     },
     /// A mesh, filled.
     Mesh(MeshShape),
+    /// A volume of tetrahedra.
+    Tetrahedra(TetrahedralShape),
 }
 
 /// A mesh as the shape of a body.
@@ -215,6 +218,22 @@ impl DeformableBody {
         Self::Mesh(MeshShape::new(mesh))
     }
 
+    /// A volume of tetrahedra in metres. [`TetrahedralShape`] has other units.
+    #[must_use]
+    pub fn from_volume(volume: Handle<TetrahedralVolume>) -> Self {
+        Self::Tetrahedra(TetrahedralShape::new(volume))
+    }
+
+    /// Whether the body is built from an asset.
+    pub(super) fn has_source(&self) -> bool {
+        !matches!(self, Self::Block { .. })
+    }
+
+    /// Whether the body is made of the volume asset `id`.
+    pub(super) fn is_volume(&self, id: AssetId<TetrahedralVolume>) -> bool {
+        matches!(self, Self::Tetrahedra(shape) if shape.volume.id() == id)
+    }
+
     /// The mesh of [`Self::Mesh`].
     pub(super) fn mesh(&self) -> Option<&MeshShape> {
         if let Self::Mesh(shape) = self { Some(shape) } else { None }
@@ -256,7 +275,8 @@ pub enum FixedRegion {
     },
     /// The nodes within one of these, in the body's own frame.
     Regions(Vec<BodyRegion>),
-    /// Of a mesh: the nodes that carry the vertices for which this is true, one for each vertex of the mesh and of the parts of its surface.
+    /// Of a mesh: the nodes that carry the vertices for which this is true, one for each vertex of the mesh and of the parts of its surface. Of a
+    /// volume: the vertices themselves.
     Vertices(Vec<bool>),
 }
 

@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use glam::DVec3;
 use palpate_body::{
     Body, BodyError, BodyPoint, ClosedMesh, ImplausibleSize, JoinedMesh, MeshAssumptions, MeshCells,
-    MeshRepairs, Region, Skin, StepReport, ThinParts,
+    MeshRepairs, Region, Skin, StepReport, TetrahedralReport, ThinParts,
 };
 use palpate_reduce::LocalModelBuilder;
 use std::sync::Arc;
@@ -47,6 +47,8 @@ pub struct SimulatedBody {
     pub(super) closed: Option<Arc<JoinedMesh>>,
     /// Of a body from a mesh: repairs and cells.
     pub(super) report: Option<MeshReport>,
+    /// Of a volume of tetrahedra: repairs and problems.
+    pub(super) tetrahedral_report: Option<TetrahedralReport>,
     /// Comparison of the closed mesh with the current asset.
     pub(super) source: SourceMesh,
     pub(crate) drawn: RenderMesh,
@@ -83,6 +85,12 @@ impl SimulatedBody {
         self.closed.as_ref().map(|joined| &joined.mesh)
     }
 
+    /// Returns repairs and problems of the volume from which the body was built; `None` for another body.
+    #[must_use]
+    pub fn tetrahedral_report(&self) -> Option<TetrahedralReport> {
+        self.tetrahedral_report
+    }
+
     /// The regions of the parts of the mesh, in the body's own frame.
     pub(crate) fn part_regions(&self) -> &[Region] {
         self.closed.as_ref().map_or(&[], |joined| &joined.regions)
@@ -94,7 +102,7 @@ impl SimulatedBody {
         self.built_tissue
     }
 
-    /// Returns the edge of a cell at rest, m; of a block the shortest edge.
+    /// Returns the edge of a cell at rest, m; of a block the shortest edge, of tetrahedra the mean one.
     #[must_use]
     pub fn cell_m(&self) -> f64 {
         match (&self.built_shape, self.report) {
@@ -104,6 +112,13 @@ impl SimulatedBody {
             }
             (DeformableBody::Mesh(_), Some(report)) => report.cells.cell_m,
             (DeformableBody::Mesh(_), None) => f64::NAN,
+            (DeformableBody::Tetrahedra(_), _) => {
+                let rest_m = self.body.network().rest_m();
+                let edges = self.body.network().edges();
+                let (sum, count) = edges
+                    .fold((0.0, 0), |(sum, count), [a, b]| (sum + rest_m[a].distance(rest_m[b]), count + 1));
+                sum / f64::from(count)
+            }
         }
     }
 

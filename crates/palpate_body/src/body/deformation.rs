@@ -72,6 +72,36 @@ impl Body {
         Deformation { gradient: jacobian * rest_jacobian.inverse(), rest_m }
     }
 
+    /// Deformation at `place_m`, m, in the present shape: of the cell or of the tetrahedron there. `None` outside of both.
+    #[must_use]
+    pub fn deformation_at(&self, place_m: DVec3) -> Option<Deformation> {
+        if let Some(place) = self.cell_at(place_m) {
+            return Some(self.deformation(place));
+        }
+        let (nodes, weights) = self.tetrahedron_at(place_m)?;
+        let edges = |of: &[DVec3]| {
+            let [o, a, b, c] = nodes.map(|node| of[node]);
+            DMat3::from_cols(a - o, b - o, c - o)
+        };
+        let rest_m = self.network().rest_m();
+        let gradient = edges(self.positions_m()) * edges(rest_m).inverse();
+        Some(Deformation {
+            gradient,
+            rest_m: nodes.iter().zip(weights).map(|(node, w)| w * rest_m[*node]).sum(),
+        })
+    }
+
+    /// Nodes of the tetrahedron that contains `place_m`, m, in the present shape, with their weights there. `None` outside of all.
+    pub(super) fn tetrahedron_at(&self, place_m: DVec3) -> Option<([usize; 4], [f64; 4])> {
+        self.network().tetrahedra().iter().find_map(|nodes| {
+            let [o, a, b, c] = nodes.map(|node| self.positions_m()[node]);
+            let of = DMat3::from_cols(a - o, b - o, c - o).inverse() * (place_m - o);
+            let weights = [1.0 - of.element_sum(), of.x, of.y, of.z];
+            // The inverse of a flat tetrahedron is not finite.
+            weights.iter().all(|w| *w >= -LOCAL_TOLERANCE).then_some((nodes, weights))
+        })
+    }
+
     /// The point of the body at a place of a cell: its nodes with their trilinear weights, to be held or tied. `None` if the cell does not
     /// exist.
     #[must_use]

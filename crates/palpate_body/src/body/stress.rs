@@ -7,9 +7,6 @@ use glam::{DMat3, DVec3};
 use palpate_laws::StressState;
 use std::io::{self, Write};
 
-/// Tolerance of barycentric coordinates.
-const TOLERANCE: f64 = 1e-9;
-
 impl Body {
     /// The point of the body at `place_m`, m, in the present shape: the nodes around it with their weights. `None` outside of all cells and tetrahedra,
     /// and for a network without them.
@@ -20,16 +17,9 @@ impl Body {
         if let Some(place) = self.cell_at(place_m) {
             return self.point_at(place);
         }
-        self.network().tetrahedra().iter().find_map(|nodes| {
-            let [o, a, b, c] = nodes.map(|node| self.positions_m()[node]);
-            let edges = DMat3::from_cols(a - o, b - o, c - o);
-            let of = edges.inverse() * (place_m - o);
-            let weights = [1.0 - of.element_sum(), of.x, of.y, of.z];
-            // The inverse of a flat tetrahedron is not finite.
-            let is_inside = weights.iter().all(|w| *w >= -TOLERANCE);
-            let weights = nodes.into_iter().zip(weights.map(|w| w.max(0.0)));
-            is_inside.then(|| BodyPoint::new(weights.filter(|(_, w)| *w > 0.0).collect()).ok())?
-        })
+        let (nodes, weights) = self.tetrahedron_at(place_m)?;
+        let weights = nodes.into_iter().zip(weights).filter(|(_, weight)| *weight > 0.0);
+        BodyPoint::new(weights.collect()).ok()
     }
 
     /// Stress and strain at a point, from those of its nodes.

@@ -3,8 +3,9 @@
 use super::checks::mean_ratio;
 use crate::disjoint_sets::DisjointSets;
 use glam::DVec3;
+use std::fmt;
 
-/// Repairs of a mesh of tetrahedra, and its problems.
+/// Repairs of a mesh of tetrahedra, and its problems. `Display` writes them as one sentence.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct TetrahedralReport {
@@ -64,5 +65,38 @@ impl TetrahedralReport {
             nodes[1..].iter().for_each(|node| sets.unite(nodes[0], *node));
         }
         self.parts = (0..vertices_m.len()).filter(|&node| sets.find(node) == node).count();
+    }
+}
+
+impl fmt::Display for TetrahedralReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { elements, nodes, min_quality, parts, face_parts, .. } = *self;
+        write!(f, "{elements} tetrahedra with {nodes} nodes")?;
+        for (count, what) in [
+            (self.reoriented, "inverted ones are reoriented"),
+            (self.duplicates, "repeated ones are left out"),
+            (self.degenerate, "with a vertex twice are left out"),
+            (self.flat, "flat ones at the boundary are left out"),
+            (self.unused_vertices, "vertices without a tetrahedron are left out"),
+            (self.overlapping_faces, "faces belong to more than two tetrahedra: some overlap"),
+            (self.nonmanifold_edges, "edges of the boundary do not have two faces"),
+        ] {
+            if count > 0 {
+                write!(f, "; {count} {what}")?;
+            }
+        }
+        if self.slivers > 0 {
+            write!(
+                f,
+                "; {} are slivers (mean ratio down to {min_quality:.3}), which shorten the steps: remesh the volume",
+                self.slivers
+            )?;
+        }
+        if parts > 1 {
+            write!(f, "; there are {parts} separate parts")?;
+        } else if face_parts > 1 {
+            write!(f, "; {face_parts} parts share only an edge or a vertex")?;
+        }
+        Ok(())
     }
 }
