@@ -175,10 +175,7 @@ fn stretched_compressed_twisted_flat_and_mirrored_bodies_return_to_rest() {
         |x| DVec3::new(x.x, x.y, -0.03),
         |x| DVec3::new(x.x, x.y, -0.06 - x.z),
     ];
-    for (tissue, (index, motion)) in
-        tissues().flat_map(|tissue| motions.into_iter().enumerate().map(move |motion| (tissue, motion)))
-    {
-        println!("{tissue:?}, motion {index}");
+    for (tissue, motion) in tissues().flat_map(|tissue| motions.map(|motion| (tissue, motion))) {
         let mut body = block(TETRAHEDRA, [4, 4, 7], &tissue);
         set_places(&mut body, motion);
         returns(&mut body, 2e-3);
@@ -188,8 +185,7 @@ fn stretched_compressed_twisted_flat_and_mirrored_bodies_return_to_rest() {
 #[test]
 fn bodies_with_random_places_return_to_rest() {
     let mut random = Random(1);
-    for (tissue, seed) in tissues().flat_map(|tissue| (0..4).map(move |i| (tissue, i))) {
-        println!("{tissue:?}, {seed}");
+    for (tissue, _) in tissues().flat_map(|tissue| (0..4).map(move |i| (tissue, i))) {
         let mut body = block(TETRAHEDRA, [4, 4, 6], &tissue);
         set_places(&mut body, |_| DVec3::new(0.03, 0.03, 0.05) * (random.vector() - 0.5));
         assert!(body.inverted_tetrahedra().count() > 100);
