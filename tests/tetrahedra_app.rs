@@ -230,7 +230,8 @@ fn invalid_volumes_are_rejected_with_the_reason() {
         assert!(is_expected(&error), "{error}");
         app.world_mut().despawn(entity);
     }
-    for (path, part) in [("broken.msh", "$Elements"), ("alone.ele", "alone.node"), ("missing.vtk", "missing.vtk")]
+    for (path, part) in
+        [("broken.msh", "$Elements"), ("alone.ele", "alone.node"), ("missing.vtk", "missing.vtk")]
     {
         let handle = app.world().resource::<AssetServer>().load(path);
         let entity = app.world_mut().spawn(shape(handle)).id();
