@@ -41,10 +41,12 @@ impl HapticGizmosPlugin {
 #[derive(Clone, Copy, Debug, PartialEq, Reflect, GizmoConfigGroup)]
 #[reflect(Debug, Default, PartialEq, Clone)]
 pub struct HapticGizmos {
-    /// Draws springs: blue under compression, red under tension, fading with the strain.
+    /// Draws springs, and the edges of elements: blue under compression, red under tension, fading with the strain.
     pub lattice: bool,
-    /// Strain at which a spring has its full colour.
+    /// Strain at which a spring or an edge has its full colour.
     pub strain: f32,
+    /// Draws the von Mises stress instead of the strain, from dark (0) to bright (this stress, Pa).
+    pub stress_pa: Option<f32>,
     /// Draws fixed nodes.
     pub fixed: bool,
     /// Draws rows of contact patches with their normals, and the nodes to which they are attached.
@@ -66,6 +68,7 @@ impl Default for HapticGizmos {
         Self {
             lattice: false,
             strain: 0.05,
+            stress_pa: None,
             fixed: false,
             contact: true,
             near_field: false,
@@ -119,13 +122,15 @@ fn record_cost(cost: Res<GizmosCost>, mut diagnostics: Diagnostics) {
 
 /// A body's basis vector: epoch, model step and column, and the relative displacement of each node, 0 to 1; `None` without such a column.
 type BasisShown = ((u64, u64, usize), Option<Vec<f32>>);
+/// The stress of a body: epoch and model step, and the von Mises stress of each node, Pa.
+type StressShown = ((u64, u64), Vec<f32>);
 
 fn draw_bodies(
     mut gizmos: Gizmos<HapticGizmos>,
     store: Res<GizmoConfigStore>,
     bodies: Query<(Entity, &SimulatedBody, Option<&HapticGizmosOverride>)>,
     steps: Res<ModelStepCount>,
-    mut shown: Local<EntityHashMap<BasisShown>>,
+    (mut shown, mut stresses): (Local<EntityHashMap<BasisShown>>, Local<EntityHashMap<StressShown>>),
 ) {
     let (config, group) = store.config::<HapticGizmos>();
     if !config.enabled {
@@ -133,6 +138,7 @@ fn draw_bodies(
     }
     let parts_of = |own: Option<&HapticGizmosOverride>| own.map_or(*group, |own| own.0);
     shown.retain(|entity, _| bodies.get(*entity).is_ok_and(|(.., own)| parts_of(own).basis.is_some()));
+    stresses.retain(|entity, _| bodies.get(*entity).is_ok_and(|(.., own)| parts_of(own).stress_pa.is_some()));
     for (entity, simulated, own) in &bodies {
         let parts = parts_of(own);
         let body = simulated.body();
@@ -152,6 +158,17 @@ fn draw_bodies(
                 gizmos.line_gradient(at(a), at(b), color(a), color(b));
             }
             (0..x.len()).for_each(|node| gizmos.cross(at(node), size, color(node)));
+        } else if let Some(full_pa) = parts.stress_pa {
+            let now = (simulated.epoch(), steps.0);
+            let (of, stress_pa) = stresses.entry(entity).or_default();
+            if *of != now || stress_pa.len() != x.len() {
+                let states = body.node_stresses();
+                (*of, *stress_pa) = (now, states.iter().map(|state| state.von_mises_pa() as f32).collect());
+            }
+            let color = |node: usize| colors::bright(stress_pa[node] / full_pa);
+            for [a, b] in network.edges() {
+                gizmos.line_gradient(at(a), at(b), color(a), color(b));
+            }
         } else if parts.lattice {
             let rest_m = network.rest_m();
             for [a, b] in network.edges() {

@@ -95,6 +95,8 @@
 mod avian;
 mod body;
 mod body_query;
+#[cfg(any(feature = "gizmos", feature = "panel"))]
+mod color_map;
 mod cost;
 mod device;
 mod diagnostics;

@@ -9,6 +9,7 @@ mod safety_lamps;
 mod scheme_comparison;
 mod settings;
 mod state;
+mod stress;
 mod theme;
 mod tool_history;
 mod widgets;

@@ -22,13 +22,7 @@ pub(super) fn strained(strain: f32) -> Color {
 
 /// Colour of a share, 0 to 1: dark violet, green, yellow.
 pub(super) fn bright(share: f32) -> Color {
-    const STOPS: [[f32; 3]; 5] =
-        [[0.27, 0.0, 0.33], [0.23, 0.32, 0.55], [0.13, 0.57, 0.55], [0.37, 0.79, 0.38], [0.99, 0.91, 0.14]];
-    let place = share.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
-    let below = (place as usize).min(STOPS.len() - 2);
-    let stop = |i: usize| Vec3::from_array(STOPS[i]);
-    let [r, g, b] = stop(below).lerp(stop(below + 1), place - below as f32).to_array();
-    Color::srgb(r, g, b)
+    Color::srgb_from_array(crate::color_map::bright(share))
 }
 
 /// Displacements of the nodes relative to the largest, 0 to 1.

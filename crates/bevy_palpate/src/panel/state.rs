@@ -3,6 +3,7 @@
 use super::devices::DeviceList;
 use super::history::index_of;
 use super::settings::View;
+use super::stress::StressSection;
 use bevy::prelude::*;
 use palpate_local::Scheme;
 use std::path::PathBuf;
@@ -29,6 +30,8 @@ pub struct HapticPanel {
     pub(crate) view: View,
     #[reflect(ignore)]
     pub(super) devices: DeviceList,
+    #[reflect(ignore)]
+    pub(super) stress: StressSection,
 }
 
 impl HapticPanel {
@@ -44,6 +47,7 @@ impl HapticPanel {
             folder,
             view: View::default(),
             devices: DeviceList::default(),
+            stress: StressSection::default(),
         }
     }
 

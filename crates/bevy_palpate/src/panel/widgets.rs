@@ -13,7 +13,7 @@ use super::theme;
 use super::tool_history::ToolHistory;
 use crate::body::{SimulatedBody, Tissue};
 use crate::device::{HapticDevices, TrajectoryAsset};
-use crate::model_time::ModelRate;
+use crate::model_time::{ModelRate, ModelStepCount};
 use crate::tool::{ForceError, HapticTool, LocalModelStats, LoopTiming, ToolForce, ToolLoop, ToolSettings};
 use bevy::ecs::query::QueryData;
 use bevy::ecs::system::SystemParam;
@@ -50,6 +50,7 @@ pub struct HapticWidgets<'w, 's> {
     devices: Res<'w, HapticDevices>,
     trajectories: Option<ResMut<'w, Assets<TrajectoryAsset>>>,
     rate: ResMut<'w, ModelRate>,
+    steps: Res<'w, ModelStepCount>,
     time: Res<'w, Time<Real>>,
     points: Local<'s, CurvePoints>,
 }
@@ -91,12 +92,13 @@ impl HapticWidgets<'_, '_> {
         if self.entity().is_none() {
             return;
         }
-        let parts: [(&str, bool, fn(&mut Self, &mut egui::Ui)); 9] = [
+        let parts: [(&str, bool, fn(&mut Self, &mut egui::Ui)); 10] = [
             ("Force", true, Self::force),
             ("Error against the full body", true, Self::error),
             ("Safety", true, Self::safety),
             ("Loop", true, Self::timing),
             ("Frequency response", false, Self::bode),
+            ("Stress", false, Self::stress),
             ("Model and material", false, Self::material),
             ("Limits", false, Self::limits),
             ("Device frame", false, Self::frame),
@@ -300,6 +302,21 @@ impl HapticWidgets<'_, '_> {
                 theme::small(ui, "The tool has no body.");
             }
         }
+    }
+
+    /// Draws stress and strain below the tool's contact, as numbers and as a section through the body.
+    pub fn stress(&mut self, ui: &mut egui::Ui) {
+        theme::apply(ui);
+        let Some(shown) = self.entity().and_then(|tool| self.tools.get(tool).ok()) else { return };
+        let HapticPanel { folder, stress, .. } = self.panel.bypass_change_detection();
+        let body = shown.running.and_then(ToolLoop::body);
+        let found = body.and_then(|body| Some((body, self.bodies.get(body).ok()?.0)));
+        let (Some((body, simulated)), Some(contact)) = (found, shown.force.contact) else {
+            theme::small(ui, "Touch a body: there is no contact.");
+            return;
+        };
+        stress.refresh((body, self.steps.0), simulated, (contact.point_m, contact.normal));
+        stress.draw(ui, simulated, folder);
     }
 
     /// Draws the limits of the safety chain.

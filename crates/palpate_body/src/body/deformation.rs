@@ -47,15 +47,18 @@ impl Body {
     /// The cells of a body from a mesh extend beyond its surface by up to a cell.
     #[must_use]
     pub fn cell_at(&self, place_m: DVec3) -> Option<CellPlace> {
-        self.network().cells().iter().enumerate().find_map(|(cell, nodes)| {
-            let corners = nodes.map(|node| self.positions_m()[node]);
-            let low = corners.iter().copied().reduce(DVec3::min)?;
-            let high = corners.iter().copied().reduce(DVec3::max)?;
-            let margin = DVec3::splat(LOCAL_TOLERANCE * (high - low).max_element());
-            let is_in_box = place_m.cmpge(low - margin).all() && place_m.cmple(high + margin).all();
-            let local = is_in_box.then(|| local_coordinates(&corners, place_m))??;
-            Some(CellPlace { cell, local })
-        })
+        (0..self.network().cells().len()).find_map(|cell| self.place_in_cell(cell, place_m))
+    }
+
+    /// The place in `cell` at `place_m`, m, in the present shape; `None` outside of it.
+    pub(super) fn place_in_cell(&self, cell: usize, place_m: DVec3) -> Option<CellPlace> {
+        let corners = self.network().cells()[cell].map(|node| self.positions_m()[node]);
+        let low = corners.iter().copied().reduce(DVec3::min)?;
+        let high = corners.iter().copied().reduce(DVec3::max)?;
+        let margin = DVec3::splat(LOCAL_TOLERANCE * (high - low).max_element());
+        let is_in_box = place_m.cmpge(low - margin).all() && place_m.cmple(high + margin).all();
+        let local = is_in_box.then(|| local_coordinates(&corners, place_m))??;
+        Some(CellPlace { cell, local })
     }
 
     /// Deformation at a place of a cell, from the trilinear interpolation between its nodes.
@@ -78,7 +81,9 @@ impl Body {
         if let Some(place) = self.cell_at(place_m) {
             return Some(self.deformation(place));
         }
-        let (nodes, weights) = self.tetrahedron_at(place_m)?;
+        let mut tetrahedra = 0..self.network().tetrahedra().len();
+        let (nodes, weights) =
+            tetrahedra.find_map(|element| self.weights_in_tetrahedron(element, place_m))?;
         let edges = |of: &[DVec3]| {
             let [o, a, b, c] = nodes.map(|node| of[node]);
             DMat3::from_cols(a - o, b - o, c - o)
@@ -91,15 +96,18 @@ impl Body {
         })
     }
 
-    /// Nodes of the tetrahedron that contains `place_m`, m, in the present shape, with their weights there. `None` outside of all.
-    pub(super) fn tetrahedron_at(&self, place_m: DVec3) -> Option<([usize; 4], [f64; 4])> {
-        self.network().tetrahedra().iter().find_map(|nodes| {
-            let [o, a, b, c] = nodes.map(|node| self.positions_m()[node]);
-            let of = DMat3::from_cols(a - o, b - o, c - o).inverse() * (place_m - o);
-            let weights = [1.0 - of.element_sum(), of.x, of.y, of.z];
-            // The inverse of a flat tetrahedron is not finite.
-            weights.iter().all(|w| *w >= -LOCAL_TOLERANCE).then_some((nodes, weights))
-        })
+    /// Nodes of the tetrahedron `element` with their weights at `place_m`, m, in the present shape. `None` outside of it.
+    pub(super) fn weights_in_tetrahedron(
+        &self,
+        element: usize,
+        place_m: DVec3,
+    ) -> Option<([usize; 4], [f64; 4])> {
+        let nodes = self.network().tetrahedra().get(element);
+        let [o, a, b, c] = nodes.map(|node| self.positions_m()[node]);
+        let of = DMat3::from_cols(a - o, b - o, c - o).inverse() * (place_m - o);
+        let weights = [1.0 - of.element_sum(), of.x, of.y, of.z];
+        // The inverse of a flat tetrahedron is not finite.
+        weights.iter().all(|w| *w >= -LOCAL_TOLERANCE).then_some((nodes, weights))
     }
 
     /// The point of the body at a place of a cell: its nodes with their trilinear weights, to be held or tied. `None` if the cell does not

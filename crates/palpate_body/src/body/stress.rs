@@ -7,6 +7,9 @@ use glam::{DMat3, DVec3};
 use palpate_laws::StressState;
 use std::io::{self, Write};
 
+/// Margin of a box around a cell, relative to its size.
+const TOLERANCE: f64 = 1e-9;
+
 impl Body {
     /// The point of the body at `place_m`, m, in the present shape: the nodes around it with their weights. `None` outside of all cells and tetrahedra,
     /// and for a network without them.
@@ -14,12 +17,37 @@ impl Body {
     /// The cells of a body from a mesh extend beyond its surface by up to a cell.
     #[must_use]
     pub fn point_within(&self, place_m: DVec3) -> Option<BodyPoint> {
-        if let Some(place) = self.cell_at(place_m) {
-            return self.point_at(place);
-        }
-        let (nodes, weights) = self.tetrahedron_at(place_m)?;
-        let weights = nodes.into_iter().zip(weights).filter(|(_, weight)| *weight > 0.0);
-        BodyPoint::new(weights.collect()).ok()
+        self.points_within(&[place_m]).pop().flatten()
+    }
+
+    /// [`Body::point_within`] at each of `places_m`, faster than one by one.
+    #[must_use]
+    pub fn points_within(&self, places_m: &[DVec3]) -> Vec<Option<BodyPoint>> {
+        let (cells, tetrahedra) = (self.network().cells(), self.network().tetrahedra());
+        let bounds = |nodes: &[usize]| {
+            let corners = nodes.iter().map(|node| self.positions_m()[*node]).map(|x| (x, x));
+            corners.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or_default()
+        };
+        let of_cells = cells.iter().map(|nodes| bounds(nodes));
+        let boxes: Vec<(DVec3, DVec3)> =
+            of_cells.chain(tetrahedra.iter().map(|nodes| bounds(&nodes))).collect();
+        let point_at = |place_m: DVec3| {
+            let is_near = |(_, (low, high)): &(usize, &(DVec3, DVec3))| {
+                let margin = DVec3::splat(TOLERANCE * (*high - *low).max_element());
+                place_m.cmpge(*low - margin).all() && place_m.cmple(*high + margin).all()
+            };
+            boxes.iter().enumerate().filter(is_near).find_map(|(index, _)| {
+                match index.checked_sub(cells.len()) {
+                    None => self.point_at(self.place_in_cell(index, place_m)?),
+                    Some(element) => {
+                        let (nodes, weights) = self.weights_in_tetrahedron(element, place_m)?;
+                        let weights = nodes.into_iter().zip(weights).filter(|(_, weight)| *weight > 0.0);
+                        BodyPoint::new(weights.collect()).ok()
+                    }
+                }
+            })
+        };
+        places_m.iter().map(|place_m| point_at(*place_m)).collect()
     }
 
     /// Stress and strain at a point, from those of its nodes.

@@ -28,7 +28,7 @@ fn tissues_out_of_range_are_rejected() {
         Tissue { youngs_modulus_pa: f64::NAN, ..good },
         Tissue { density_kg_per_m3: -5.0, ..good },
         Tissue { density_kg_per_m3: f64::INFINITY, ..good },
-        Tissue { damping: palpate_body::Damping::Ratio(-0.1), ..good },
+        Tissue { damping: Damping::Ratio(-0.1), ..good },
         Tissue { poissons_ratio: 0.5, ..good },
     ] {
         let mut view = View::default();
