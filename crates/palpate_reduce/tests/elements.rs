@@ -112,17 +112,20 @@ fn loop_relaxes_as_the_body() {
 
 #[test]
 fn loop_is_damped_as_the_body() {
-    let families: [(&str, Build); 3] =
-        [("springs", Block::tissue), ("hexahedra", Block::elements), ("tetrahedra", Block::tetrahedra)];
+    let families: [(&str, Build, f64); 3] = [
+        ("springs", Block::tissue, 0.005),
+        ("hexahedra", Block::elements, 0.005),
+        ("tetrahedra", Block::tetrahedra, 0.007),
+    ];
     for damping in [
         Damping::Rayleigh { mass_per_s: 20.0, stiffness_s: 2e-3 },
         Damping::LossFactor { loss_factor: 0.3, frequency_hz: 10.0 },
     ] {
         let tissue = Tissue { damping, ..Tissue::default() };
-        for (family, build) in families {
+        for (family, build, most) in families {
             for is_touched in [false, true] {
                 let error = error(build, &tissue, None, is_touched, 0);
-                assert!(error < 0.005, "{family}, {damping:?}, touched {is_touched}: {error}");
+                assert!(error < most, "{family}, {damping:?}, touched {is_touched}: {error}");
             }
         }
     }
