@@ -60,6 +60,8 @@ const REFLECTED: [(&str, &[&str]); 6] = [
             "MeshShape",
             "ObstacleShape",
             "SafetyOverrides",
+            "TetrahedralShape",
+            "TetrahedralVolume",
             "ToolContactPoint",
             "ToolCoupling",
             "TrajectoryAsset",

@@ -58,6 +58,7 @@ impl Plugin for BodyPlugin {
         app.register_type::<DeformableBody>()
             .register_type::<Tissue>()
             .register_type::<ElementFamily>()
+            .register_type::<TetrahedralVolume>()
             .register_type::<ContactCompliance>()
             .register_type::<FixedRegion>()
             .register_type::<Inclusions>()

@@ -40,10 +40,12 @@
 //! The [guide] goes from the first body to a driver of your own. The items by topic; the [`prelude`] has those that nearly every app names,
 //! all others are at the root of the crate:
 //!
-//! * Bodies: [`DeformableBody`], a block or a mesh ([`MeshShape`], [`MeshCellSize`], [`MeshPieces`]), with [`Tissue`], [`ElementFamily`], [`FixedRegion`] of a [`BoxFace`] or of
+//! * Bodies: [`DeformableBody`], a block, a mesh ([`MeshShape`], [`MeshCellSize`], [`MeshPieces`]) or a volume of tetrahedra
+//!   ([`TetrahedralShape`] of a [`TetrahedralVolume`]), with [`Tissue`], [`ElementFamily`], [`FixedRegion`] of a [`BoxFace`] or of
 //!   [`BodyRegion`]s, [`Inclusions`] of [`Inclusion`]s, [`Slit`], [`KinematicBody`] and [`ContactCompliance`]; their state [`BodyState`], [`BodyReady`]; the
 //!   full body [`SimulatedBody`]; repairs of a mesh [`MeshReport`]; places on and in bodies [`BodyQuery`], [`BodySurfacePoint`]; with the
-//!   feature `mesh_files` the loader of mesh files `MeshFileLoader` with `MeshFileSettings` and `MeshFileLoadError`, `mesh_of_pieces`.
+//!   feature `mesh_files` the loader of mesh files `MeshFileLoader` with `MeshFileSettings` and `MeshFileLoadError`, `mesh_of_pieces`, and that of
+//!   tetrahedra `TetrahedralFileLoader` with `TetrahedralFileLoadError`, `volume_of`.
 //! * Surroundings: [`Gravity`] and [`GravityScale`]; [`Obstacle`] of an [`ObstacleShape`], with the result [`ObstacleForce`];
 //!   [`ExternalForce`] of [`Load`]s;
 //!   with the feature `avian` the rigid bodies of avian3d: `AvianPlugin`, `NotAnObstacle`.
@@ -71,9 +73,10 @@
 //! | feature | adds |
 //! | --- | --- |
 //! | `hid` | devices over HID: SpaceMouse, force-feedback joysticks, 3-DOF boards (`palpate_hid`) |
-//! | `mesh_files` | bodies from GLB, glTF, OBJ, STL and PLY files, without Bevy's loaders (`palpate_files`); on by default |
+//! | `mesh_files` | bodies from GLB, glTF, OBJ, STL and PLY files, and of tetrahedra from Gmsh, VTK and TetGen files, without Bevy's loaders (`palpate_files`); on by default |
 //! | `draco` | decoder of glTF files with `KHR_draco_mesh_compression`, and `mesh_files` |
 //! | `meshopt` | decoder of glTF files with `EXT_meshopt_compression` or `KHR_meshopt_compression`, and `mesh_files` |
+//! | `vtu` | reader of VTU files, and `mesh_files` |
 //! | `gltf` | Bevy's loader of glTF and GLB files: primitives with their materials, with PNG and JPEG textures or without |
 //! | `avian` | the colliders of [avian3d](https://docs.rs/avian3d/0.7) 0.7 are obstacles, and its dynamic bodies receive the reaction |
 //! | `window` | a renderer and a window (Bevy's `bevy_pbr` and `bevy_winit`), the mouse as a device, and `gltf` |

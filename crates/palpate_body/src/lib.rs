@@ -143,6 +143,7 @@ mod tetrahedra;
 mod tetrahedral_mesh;
 mod tie;
 mod tissue;
+mod tissue_sampling;
 mod tool;
 mod touch_surface;
 mod triangle_bvh;

@@ -8,7 +8,8 @@ use palpate_body::{TetrahedralMesh, TetrahedralMeshError};
 ///
 /// With the feature `mesh_files`, which is on by default, `assets.load("liver.msh")` is the volume of a Gmsh, VTK, VTU or TetGen file;
 /// `TetrahedralFileLoader` has the details.
-#[derive(Asset, Clone, Debug, Default, PartialEq, TypePath)]
+#[derive(Asset, Clone, Debug, Default, PartialEq, Reflect)]
+#[reflect(Debug, Default, PartialEq, Clone)]
 pub struct TetrahedralVolume {
     /// Vertices, in the unit of [`TetrahedralShape::metres_per_unit`].
     pub vertices: Vec<DVec3>,

@@ -2,8 +2,9 @@
 
 use super::slit::LipShares;
 use super::{Block, BlockBody, LatticeMaterial};
-use crate::cell_tissue::{CellTissue, cell_tissues, cells_beside};
+use crate::cell_tissue::CellTissue;
 use crate::damping::DampingCoefficients;
+use crate::tissue_sampling::{cell_tissues, cells_beside};
 use crate::{BodyError, CellStiffness, Tissue, lattice};
 use glam::DVec3;
 

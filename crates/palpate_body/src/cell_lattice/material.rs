@@ -1,9 +1,10 @@
 //! Tissue, masses and springs of partly filled cells.
 
 use super::embedding::{Embedding, corner};
-use crate::cell_tissue::{CellTissue, cell_tissues, cells_beside};
+use crate::cell_tissue::CellTissue;
 use crate::damping::DampingCoefficients;
 use crate::lattice::steps;
+use crate::tissue_sampling::{cell_tissues, cells_beside};
 use crate::{BodyError, CellStiffness, ClosedMesh, Link, Region, Tissue};
 use glam::DVec3;
 use palpate_laws::Spring;
