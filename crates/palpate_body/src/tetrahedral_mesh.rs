@@ -3,6 +3,7 @@
 mod checks;
 mod error;
 mod faces;
+mod quality;
 mod report;
 
 pub use error::TetrahedralMeshError;

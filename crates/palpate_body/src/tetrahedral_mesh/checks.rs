@@ -2,6 +2,7 @@
 
 use super::error::TetrahedralMeshError;
 use super::faces::OpenBoundary;
+use super::quality::mean_ratio;
 use super::report::TetrahedralReport;
 use glam::DVec3;
 use std::collections::HashSet;
@@ -16,14 +17,6 @@ pub(super) struct Element {
     pub(super) given: usize,
     pub(super) nodes: [usize; 4],
     pub(super) region: u32,
-}
-
-/// 12 (3V)^⅔ over the sum of the squared edges: 1 for a regular tetrahedron, 0 for a flat one, below 0 for an inverted one (A. Liu and B. Joe, BIT
-/// 34 (1994) 268).
-pub(super) fn mean_ratio([o, a, b, c]: [DVec3; 4]) -> f64 {
-    let volume3 = (a - o).dot((b - o).cross(c - o)) / 2.0;
-    let squares: f64 = [a - o, b - o, c - o, b - a, c - a, c - b].iter().map(|e| e.length_squared()).sum();
-    if squares > 0.0 { 12.0 * volume3.cbrt() * volume3.cbrt() * volume3.signum() / squares } else { 0.0 }
 }
 
 /// Creates the elements after a check of the lists.

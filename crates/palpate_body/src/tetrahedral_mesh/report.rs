@@ -1,6 +1,6 @@
 //! Report of a mesh of tetrahedra.
 
-use super::checks::mean_ratio;
+use super::quality::mean_ratio;
 use crate::disjoint_sets::DisjointSets;
 use glam::DVec3;
 use std::fmt;
