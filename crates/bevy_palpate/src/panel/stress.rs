@@ -185,7 +185,7 @@ mod tests {
         assert!(filled > COLUMNS * ROWS * 8 / 10, "{filled}");
         // The stress falls with the depth.
         let below = |row: usize| section.von_mises_pa[row * COLUMNS + COLUMNS / 2].unwrap();
-        assert!(section.max_pa >= below(2) && below(2) > 2.0 * below(15), "{} {}", below(2), below(15));
+        assert!(section.max_pa >= below(2) && below(2) > 1.2 * below(15), "{} {}", below(2), below(15));
         assert_eq!((pascals(740.2), pascals(-1500.0)), ("740 Pa".into(), "-1.50 kPa".into()));
         let folder = std::env::temp_dir().join(format!("palpate-stress-{}", std::process::id()));
         let written = write(simulated, &folder).unwrap();
