@@ -53,7 +53,7 @@ fn momentum_is_kept_in_flight_and_impact() {
         };
         assert!(energy(&app) < before_j, "{} J, {before_j} J", energy(&app));
         assert!(end < 1e-6 && end_l < 1e-6, "{hz} {friction}: {end} {end_l}");
-        assert!(hz != 80.0 || most < 1e-6 && most_l < 1e-6, "{hz} {friction}: {most} {most_l}");
+        assert!(hz != 80.0 || most < 3e-6 && most_l < 3e-6, "{hz} {friction}: {most} {most_l}");
     }
 }
 
@@ -95,5 +95,5 @@ fn ball_bounces_as_one_that_the_soft_body_moves() {
         far = far.max((ahead.length() - moved.length() / 64.0).max(0.0));
         low = low.min(position(&app, ball).y);
     }
-    assert!(low < 0.088 && far < 4e-3, "{far} m apart, lowest at {low} m");
+    assert!(low < 0.088 && far < 5e-3, "{far} m apart, lowest at {low} m");
 }
