@@ -5,7 +5,7 @@ use avian3d::prelude::*;
 use bevy::prelude::*;
 use bevy::time::TimeUpdateStrategy;
 use bevy_palpate::GravityScale;
-use bevy_palpate::prelude::{BoxFace, DVec3, DeformableBody, FixedRegion, PalpatePlugins};
+use bevy_palpate::prelude::{BoxFace, DVec3, DeformableBody, FixedRegion, PalpatePlugins, Tissue};
 use std::time::Duration;
 
 fn plate(app: &mut App, mass_kg: f32, y_m: f32) -> Entity {
