@@ -4,7 +4,12 @@ use crate::mesh_file::MeshFileError;
 use bevy_palpate::{TetrahedralVolume, volume_of};
 use glam::DVec3;
 use palpate_files::{TetrahedralFile, TetrahedralFormat};
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
+
+/// Number of bytes from which a format is recognised.
+const HEAD: u64 = 4096;
 
 /// Content of a file of tetrahedra.
 #[derive(Clone, Debug)]
@@ -23,9 +28,10 @@ impl VolumeFile {
     /// # Errors
     /// [`MeshFileError`] if the file cannot be read.
     pub fn read(path: &Path) -> Result<Option<Self>, MeshFileError> {
-        // A file that cannot be read is reported by the reader of its format.
-        let bytes = std::fs::read(path).unwrap_or_default();
-        if TetrahedralFormat::recognize(path, &bytes).is_none() {
+        // A file that cannot be opened is reported by the reader of its format.
+        let mut head = Vec::new();
+        let _ = File::open(path).and_then(|file| file.take(HEAD).read_to_end(&mut head));
+        if TetrahedralFormat::recognize(path, &head).is_none() {
             return Ok(None);
         }
         let file = TetrahedralFile::read(path).map_err(|source| MeshFileError::new(path, &source))?;

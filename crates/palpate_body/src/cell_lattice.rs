@@ -8,20 +8,21 @@ mod embedding;
 mod fill;
 mod kept_cells;
 mod material;
+mod mesh_body;
 
 pub(crate) use embedding::Embedding;
 pub use kept_cells::MeshCells;
+pub use mesh_body::MeshBody;
 
 use crate::cell_tissue::CellTissue;
 use crate::touch_surface::TouchSurface;
 use crate::{
-    BodyError, CellSize, ClosedMesh, Face, MeshError, Network, NetworkBuilder, Region, Skin, Surface,
-    ThinParts, Tissue,
+    BodyError, CellSize, ClosedMesh, Face, MeshError, NetworkBuilder, Region, Skin, ThinParts, Tissue,
 };
 use cell_grid::CellGrid;
 use cell_parts::CellParts;
 use embedding::trilinear_weights;
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use kept_cells::KeptCells;
 use material::FilledCells;
 use std::sync::{Arc, OnceLock};
@@ -101,21 +102,6 @@ pub(crate) struct ComputedCells {
     parts: OnceLock<Arc<CellParts>>,
     /// Share of the volume that is thinner than two cells.
     thin_share: OnceLock<f64>,
-}
-
-/// A body made from a mesh.
-#[derive(Clone, Debug)]
-pub struct MeshBody {
-    /// Nodes, masses and springs.
-    pub network: Network,
-    /// Touchable surface: the mesh, with triangles of a size that fits the cells.
-    pub surface: Surface,
-    /// Deformation of the given mesh with the nodes.
-    pub skin: Skin,
-    /// Statistics of the cells.
-    pub cells: MeshCells,
-    /// Maximum distance of a point of the mesh's enclosing surface from the touchable surface, m.
-    pub deviation_m: f64,
 }
 
 impl<'a> CellLattice<'a> {
@@ -491,14 +477,3 @@ const WHOLE_TOLERANCE: f64 = 1e-6;
 /// Maximum spacing of the coordinate grid of vertices, in cells. With ten cells it is a thousandth of the body's
 /// size. Beyond it, faces of a fine mesh are visibly rotated.
 const MAX_GRID_CELLS: f64 = 0.01;
-
-impl MeshBody {
-    /// Rotates the body by `rotation` about the origin and then translates it by `translation_m`, m.
-    ///
-    /// # Errors
-    /// As [`Network::placed`].
-    pub fn placed(mut self, rotation: DQuat, translation_m: DVec3) -> Result<Self, BodyError> {
-        self.network = self.network.placed(rotation, translation_m)?;
-        Ok(self)
-    }
-}

@@ -1,6 +1,7 @@
 //! The hexahedral elements of a network.
 
 use crate::incidence::Incidence;
+use crate::relaxed_stress::relaxed_of;
 use glam::{DMat3, DQuat, DVec3};
 use palpate_laws::{ElementMaterial, HexahedronBlocks, HexahedronShape, RelaxedStress, StressState};
 
@@ -16,8 +17,6 @@ pub struct Hexahedra {
     filled_m3: Vec<f64>,
     /// Elements of each node.
     incidence: Incidence,
-    /// Pairs of nodes on the edges of the elements.
-    edges: Vec<[u32; 2]>,
 }
 
 /// One hexahedron of a network.
@@ -60,17 +59,6 @@ impl Hexahedra {
     /// Lists the elements of each of `nodes` nodes.
     pub(crate) fn find_incidence(&mut self, nodes: usize) {
         self.incidence = Incidence::new(nodes, self.nodes.iter().map(|of| of.map(|node| node as usize)));
-        // Corners whose numbers differ in one bit share an edge.
-        let of_element = |of: &[u32; 8]| {
-            let of = *of;
-            (0..8).flat_map(move |c| {
-                let bits = [1, 2, 4].into_iter().filter(move |bit| c & bit == 0);
-                bits.map(move |bit| [of[c].min(of[c | bit]), of[c].max(of[c | bit])])
-            })
-        };
-        self.edges = self.nodes.iter().flat_map(of_element).collect();
-        self.edges.sort_unstable();
-        self.edges.dedup();
     }
 
     /// Rotates the shapes at rest.
@@ -83,11 +71,6 @@ impl Hexahedra {
         let material = &mut self.materials[index];
         material.parameters_j = material.parameters_j.scaled(stiffness);
         material.viscous_js = material.viscous_js.scaled(damping);
-    }
-
-    /// Pairs of nodes on the edges of the elements.
-    pub(crate) fn edges(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        self.edges.iter().map(|edge| edge.map(|node| node as usize))
     }
 
     /// Number of elements.
@@ -226,14 +209,6 @@ impl Hexahedra {
             }
         }
     }
-}
-
-/// The relaxed stress of an element whose stress has not relaxed.
-const FRESH: RelaxedStress = [[0.0; 6]; palpate_laws::MAX_PRONY_TERMS];
-
-/// The relaxed stress of the element at `index`; the list of a body whose elements do not relax is empty.
-pub(crate) fn relaxed_of(relaxed: &[RelaxedStress], index: usize) -> &RelaxedStress {
-    relaxed.get(index).unwrap_or(&FRESH)
 }
 
 impl Hexahedron<'_> {

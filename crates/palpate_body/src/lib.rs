@@ -135,6 +135,7 @@ mod optimization;
 mod parallel;
 mod published_tissues;
 mod region;
+mod relaxed_stress;
 mod skin;
 mod smoothed_domains;
 mod surface;

@@ -17,6 +17,7 @@ use glam::{DQuat, DVec3};
 use std::collections::HashMap;
 
 /// Lists from which a network is assembled.
+#[derive(Clone, Debug, Default)]
 struct NetworkParts {
     rest_m: Vec<DVec3>,
     mass_kg: Vec<f64>,
@@ -46,6 +47,8 @@ pub struct Network {
     /// Nodes that share a link or an element with node i: `neighbour[neighbour_start[i]..neighbour_start[i + 1]]`.
     neighbour: Vec<u32>,
     neighbour_start: Vec<usize>,
+    /// Pairs of nodes on the edges of elements.
+    element_edges: Vec<[usize; 2]>,
     hexahedra: Hexahedra,
     tetrahedra: Tetrahedra,
     cells: Cells,
@@ -66,19 +69,7 @@ impl Network {
         fixed: Vec<bool>,
         links: Vec<Link>,
     ) -> Result<Self, BodyError> {
-        let (cells, hexahedra, tetrahedra) = (Vec::new(), Hexahedra::default(), Tetrahedra::default());
-        let (drag_ns_per_m, allow_free) = (Vec::new(), false);
-        Self::assemble(NetworkParts {
-            rest_m,
-            mass_kg,
-            drag_ns_per_m,
-            fixed,
-            links,
-            cells,
-            hexahedra,
-            tetrahedra,
-            allow_free,
-        })
+        Self::assemble(NetworkParts { rest_m, mass_kg, fixed, links, ..NetworkParts::default() })
     }
 
     fn assemble(parts: NetworkParts) -> Result<Self, BodyError> {
@@ -121,6 +112,7 @@ impl Network {
             incidence,
             neighbour: Vec::new(),
             neighbour_start: Vec::new(),
+            element_edges: Vec::new(),
             hexahedra,
             tetrahedra,
             cells,
@@ -129,6 +121,7 @@ impl Network {
         };
         network.linear &= !network.has_elements();
         network.find_neighbours();
+        network.element_edges = network.element_edges();
         if !allow_free {
             network.validate_parts()?;
         }
@@ -245,8 +238,7 @@ impl Network {
 
     /// Pairs of nodes that a link joins, and those on the edges of elements.
     pub fn edges(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        let of_elements = self.hexahedra.edges().chain(self.tetrahedra.edges());
-        self.links.iter().map(|link| [link.a, link.b]).chain(of_elements)
+        self.links.iter().map(|link| [link.a, link.b]).chain(self.element_edges.iter().copied())
     }
 
     /// Tetrahedral elements.

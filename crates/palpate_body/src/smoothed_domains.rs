@@ -1,6 +1,7 @@
 //! The smoothed domains of tetrahedra.
 
 use crate::incidence::Incidence;
+use crate::relaxed_stress::relaxed_of;
 use glam::{DMat3, DQuat, DVec3};
 use palpate_laws::{
     DomainMaterial, RelaxedStress, StressState, StressTangent, domain_gradient, stress_block, stress_change,
@@ -35,14 +36,6 @@ pub struct SmoothedDomain<'a> {
 
 /// Number of rings of tetrahedra around a nearly flat or inverted one whose nodes have a reduced volume stiffness. Without them folds can remain.
 const RINGS: usize = 2;
-
-/// The relaxed stress of a domain whose stress has not relaxed.
-const FRESH: RelaxedStress = [[0.0; 6]; palpate_laws::MAX_PRONY_TERMS];
-
-/// The relaxed stress of the domain at `index`; those of tetrahedra have none.
-pub(crate) fn relaxed_of(relaxed: &[RelaxedStress], index: usize) -> &RelaxedStress {
-    relaxed.get(index).unwrap_or(&FRESH)
-}
 
 impl SmoothedDomains {
     /// Adds a domain of `nodes` with their gradients.

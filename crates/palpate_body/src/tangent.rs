@@ -1,8 +1,7 @@
 //! The exact sparse tangent of internal forces.
 
-use crate::hexahedra::relaxed_of;
 use crate::network::NetworkState;
-use crate::smoothed_domains;
+use crate::relaxed_stress::relaxed_of;
 use crate::{Hexahedron, Network, SmoothedDomain};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMat, SymbolicSparseColMatRef};
 use glam::{DMat3, DVec3};
@@ -207,7 +206,7 @@ impl TangentPattern {
             let (of_domain, rest) = first.split_at(count * count);
             first = rest;
             let f = domain.gradient(x);
-            let relaxed = smoothed_domains::relaxed_of(relaxed, index);
+            let relaxed = relaxed_of(relaxed, index);
             let stiffness = domain.material.tangent_j(&f, relaxed, clamped);
             let damping = domain.material.viscous_tangent_js(&f);
             let parts = [(Some(stiffness), &mut tangent.stiffness), (damping, &mut tangent.damping)];

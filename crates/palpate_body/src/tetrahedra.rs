@@ -16,8 +16,6 @@ pub struct Tetrahedra {
     tissue: Vec<u32>,
     tissues: Vec<ScaledTissue>,
     domains: SmoothedDomains,
-    /// Pairs of nodes on the edges of the elements.
-    edges: Vec<[u32; 2]>,
 }
 
 /// A tissue with factors of its stiffness and its damping.
@@ -112,14 +110,6 @@ impl Tetrahedra {
         }
         domains.find_incidence(rest_m.len());
         self.domains = domains;
-        let pairs = [(0, 1), (0, 2), (0, 3), (1, 2), (1, 3), (2, 3)];
-        let of_element = |of: &[u32; 4]| {
-            let of = *of;
-            pairs.map(|(a, b)| [of[a].min(of[b]), of[a].max(of[b])])
-        };
-        self.edges = self.nodes.iter().flat_map(of_element).collect();
-        self.edges.sort_unstable();
-        self.edges.dedup();
         Ok(())
     }
 
@@ -132,11 +122,6 @@ impl Tetrahedra {
             viscous_js: material.viscous_js.scaled(damping),
             ..material
         })
-    }
-
-    /// Pairs of nodes on the edges of the elements.
-    pub(crate) fn edges(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
-        self.edges.iter().map(|edge| edge.map(|node| node as usize))
     }
 
     /// Rotates the domains.

@@ -6,6 +6,7 @@ mod coupling;
 mod damping;
 mod elasticity;
 mod element_bodies;
+mod element_properties;
 mod elements;
 mod facing;
 mod indentation;

@@ -15,7 +15,9 @@ use crate::far_field::FarField;
 use crate::far_field::basis::Basis;
 use crate::options::BuilderOptions;
 use glam::DVec3;
-use palpate_body::{BarrierTetrahedron, Body, SurfaceTree, Tangent, ToolContact, ToolPoint, VolumeBarrier};
+use palpate_body::{
+    BarrierTetrahedron, Body, Network, SurfaceTree, Tangent, ToolContact, ToolPoint, VolumeBarrier,
+};
 use palpate_local::{
     LocalModelError, NearDomain, NearEnd, NearField, NearHexahedron, NearSpring, NearTetrahedron,
     OtherToolForce, TickIntegrator,
@@ -235,10 +237,7 @@ impl NearFieldBuilder {
     ) -> Result<(), ReduceError> {
         let (network, x, v) = (body.network(), body.positions_m(), body.velocities_m_per_s());
         let elements = network.hexahedra();
-        let free = support.iter().filter(|&&node| !network.is_fixed(node));
-        let mut near: Vec<usize> = free.flat_map(|&node| elements.incident(node)).copied().collect();
-        near.sort_unstable();
-        near.dedup();
+        let near = incident_to(network, support, |node| elements.incident(node));
         if near.len() > field.hexahedron.len() {
             return Err(too_many("near hexahedra", near.len(), field.hexahedron.len()));
         }
@@ -274,10 +273,7 @@ impl NearFieldBuilder {
     ) -> Result<(), ReduceError> {
         let (network, x, v) = (body.network(), body.positions_m(), body.velocities_m_per_s());
         let (domains, relaxed) = (network.tetrahedra().domains(), body.relaxed_stress_of_domains_j());
-        let free = support.iter().filter(|&&node| !network.is_fixed(node));
-        let mut near: Vec<usize> = free.flat_map(|&node| domains.incident(node)).copied().collect();
-        near.sort_unstable();
-        near.dedup();
+        let near = incident_to(network, support, |node| domains.incident(node));
         if near.len() > field.domain.len() {
             return Err(too_many("near domains", near.len(), field.domain.len()));
         }
@@ -358,6 +354,19 @@ impl NearFieldBuilder {
         field.ring += 1;
         Ok(i)
     }
+}
+
+/// Indices of the elements with a free node in `support`, ascending, where `incident` has those of a node.
+fn incident_to<'a>(
+    network: &Network,
+    support: &[usize],
+    incident: impl Fn(usize) -> &'a [usize],
+) -> Vec<usize> {
+    let free = support.iter().filter(|&&node| !network.is_fixed(node));
+    let mut found: Vec<usize> = free.flat_map(|&node| incident(node)).copied().collect();
+    found.sort_unstable();
+    found.dedup();
+    found
 }
 
 /// Writes the surface alone, for a tool that reaches no node within the horizon.

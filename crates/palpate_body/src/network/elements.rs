@@ -4,6 +4,12 @@ use super::Network;
 use glam::DVec3;
 use palpate_laws::{ElementMaterial, RelaxedStress};
 
+/// Corners of a hexahedron that share an edge: their numbers differ in one bit.
+const HEXAHEDRON_EDGES: [[usize; 2]; 12] =
+    [[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7], [0, 4], [1, 5], [2, 6], [3, 7]];
+/// Corners of a tetrahedron that share an edge.
+const TETRAHEDRON_EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
+
 /// Positions, m, and velocities, m/s, of all nodes, and the relaxed stress of the elements.
 type ElementState<'a> = (&'a [DVec3], &'a [DVec3], &'a [RelaxedStress]);
 
@@ -12,6 +18,19 @@ impl Network {
     #[must_use]
     pub fn has_elements(&self) -> bool {
         !(self.hexahedra.is_empty() && self.tetrahedra.is_empty())
+    }
+
+    /// Pairs of nodes on the edges of elements, each once, ascending.
+    pub(super) fn element_edges(&self) -> Vec<[usize; 2]> {
+        let of_hexahedra =
+            self.hexahedra.iter().flat_map(|of| HEXAHEDRON_EDGES.map(|edge| edge.map(|c| of.nodes[c])));
+        let of_tetrahedra =
+            self.tetrahedra.iter().flat_map(|of| TETRAHEDRON_EDGES.map(|edge| edge.map(|c| of[c])));
+        let pairs = of_hexahedra.chain(of_tetrahedra).map(|[a, b]| [a.min(b), a.max(b)]);
+        let mut edges: Vec<[usize; 2]> = pairs.collect();
+        edges.sort_unstable();
+        edges.dedup();
+        edges
     }
 
     /// Length of the list of relaxed stress: one for each hexahedron and then for each smoothed domain of a node, or none if no stress relaxes.
